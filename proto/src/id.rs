@@ -1,0 +1,55 @@
+//! Names of things, each with its own type so that none is taken for another.
+
+use std::fmt;
+
+use serde::{Deserialize, Serialize};
+
+macro_rules! display_as_number {
+    ($($name:ident),*) => {$(
+        impl fmt::Display for $name {
+            fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+                self.0.fmt(f)
+            }
+        }
+    )*};
+}
+
+/// A vehicle of the swarm; unique within a venue.
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Debug, Default, Serialize, Deserialize)]
+pub struct VehicleId(pub u8);
+
+/// Counts the starts of a vehicle's software, so that a restart never continues an old numbering.
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Debug, Default, Serialize, Deserialize)]
+pub struct Boot(pub u32);
+
+/// One mission with its data.
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Debug, Default, Serialize, Deserialize)]
+pub struct RunId(pub u32);
+
+/// Version of the plans or orders of a run; the higher one wins.
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Debug, Default, Serialize, Deserialize)]
+pub struct Revision(pub u32);
+
+/// A stop of a vehicle's plan; stable across revisions of one run.
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Debug, Default, Serialize, Deserialize)]
+pub struct StopId(pub u32);
+
+display_as_number!(VehicleId, Boot, RunId, Revision, StopId);
+
+/// An operator's right to give orders: the highest number wins, a tie goes to the lower holder.
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Debug, Default, Serialize, Deserialize)]
+pub struct Lease {
+    /// Counts the leases of a venue.
+    pub number: u32,
+    /// Random id of who holds it.
+    pub holder: u64,
+}
+
+/// Names the one writer of a map layer.
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Debug, Default, Serialize, Deserialize)]
+pub struct LayerId {
+    /// The vehicle that wrote it.
+    pub vehicle: VehicleId,
+    /// The start of that vehicle's software.
+    pub boot: Boot,
+}

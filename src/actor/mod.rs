@@ -1,0 +1,1 @@
+//! The actor contract, the inbox, and nothing that runs them.

@@ -1,0 +1,1 @@
+//! Subcommands as types, one file each; the only layer that touches files and the terminal.

@@ -1,0 +1,1 @@
+//! Venue, scene and simulation files: raw serde twins and the validated types behind them.

@@ -1,0 +1,1 @@
+//! Pictures as pure values: rasters with axes and colour bars, encoded as PNG.

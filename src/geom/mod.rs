@@ -1,0 +1,24 @@
+//! Plane geometry in the venue's local frame (x, y along the venue's axes, metres) and the lattices
+//! laid over it. Pure values; no vehicle, no map and no image is known here.
+//!
+//! Transcendental functions come from `libm`, so that a seed gives the same bytes on every machine.
+
+mod angle;
+mod grid;
+mod lattice;
+mod point;
+mod polygon;
+mod pose;
+mod rect;
+mod segment;
+mod track;
+
+pub use angle::{Angle, Bearing};
+pub use grid::PixelGrid;
+pub use lattice::{Cell, CellsUnder, Lattice};
+pub use point::{Point, Vector};
+pub use polygon::Polygon;
+pub use pose::Pose;
+pub use rect::Rect;
+pub use segment::Segment;
+pub use track::Track;

@@ -1,0 +1,177 @@
+//! Points and vectors of the plane, metres, local frame.
+
+use std::ops::{Add, AddAssign, Mul, Neg, Sub};
+
+use serde::{Deserialize, Serialize};
+use tomoswarm_proto::Position;
+
+use super::Angle;
+
+/// A place in the local frame, metres.
+#[derive(Clone, Copy, PartialEq, Debug, Default, Serialize, Deserialize)]
+pub struct Point {
+    /// Metres along the venue's x axis.
+    pub x_m: f64,
+    /// Metres along the venue's y axis.
+    pub y_m: f64,
+}
+
+impl Point {
+    /// Makes a point from its coordinates in metres.
+    pub const fn new(x_m: f64, y_m: f64) -> Point {
+        Point { x_m, y_m }
+    }
+
+    /// Gives the distance to another point, metres.
+    pub fn distance_to(self, other: Point) -> f64 {
+        (other - self).length_m()
+    }
+
+    /// Gives the point a share of the way to `other` (0 = here, 1 = there).
+    pub fn toward(self, other: Point, share: f64) -> Point {
+        self + (other - self) * share
+    }
+
+    /// Gives the direction from here to `other`; angle zero when they coincide.
+    pub fn angle_to(self, other: Point) -> Angle {
+        (other - self).angle()
+    }
+
+    /// Tells whether both coordinates are finite.
+    pub fn is_finite(self) -> bool {
+        self.x_m.is_finite() && self.y_m.is_finite()
+    }
+}
+
+/// A displacement in the local frame, metres.
+#[derive(Clone, Copy, PartialEq, Debug, Default, Serialize, Deserialize)]
+pub struct Vector {
+    /// Metres along the venue's x axis.
+    pub x_m: f64,
+    /// Metres along the venue's y axis.
+    pub y_m: f64,
+}
+
+impl Vector {
+    /// Makes a vector from its components in metres.
+    pub const fn new(x_m: f64, y_m: f64) -> Vector {
+        Vector { x_m, y_m }
+    }
+
+    /// Makes a vector of a length in a direction.
+    pub fn polar(angle: Angle, length_m: f64) -> Vector {
+        let (sin, cos) = libm::sincos(angle.radians());
+        Vector::new(cos * length_m, sin * length_m)
+    }
+
+    /// Gives the length, metres.
+    pub fn length_m(self) -> f64 {
+        self.dot(self).sqrt()
+    }
+
+    /// Gives the direction; zero for the null vector.
+    pub fn angle(self) -> Angle {
+        Angle::from_radians(libm::atan2(self.y_m, self.x_m))
+    }
+
+    /// Gives the scalar product, m².
+    pub fn dot(self, other: Vector) -> f64 {
+        self.x_m * other.x_m + self.y_m * other.y_m
+    }
+
+    /// Gives the z component of the cross product, m²; positive when `other` lies to the left.
+    pub fn cross(self, other: Vector) -> f64 {
+        self.x_m * other.y_m - self.y_m * other.x_m
+    }
+
+    /// Gives this vector turned a quarter to the left.
+    pub fn left(self) -> Vector {
+        Vector::new(-self.y_m, self.x_m)
+    }
+}
+
+impl Sub for Point {
+    type Output = Vector;
+    fn sub(self, other: Point) -> Vector {
+        Vector::new(self.x_m - other.x_m, self.y_m - other.y_m)
+    }
+}
+
+impl Add<Vector> for Point {
+    type Output = Point;
+    fn add(self, by: Vector) -> Point {
+        Point::new(self.x_m + by.x_m, self.y_m + by.y_m)
+    }
+}
+
+impl Sub<Vector> for Point {
+    type Output = Point;
+    fn sub(self, by: Vector) -> Point {
+        self + -by
+    }
+}
+
+impl AddAssign<Vector> for Point {
+    fn add_assign(&mut self, by: Vector) {
+        *self = *self + by;
+    }
+}
+
+impl Add for Vector {
+    type Output = Vector;
+    fn add(self, other: Vector) -> Vector {
+        Vector::new(self.x_m + other.x_m, self.y_m + other.y_m)
+    }
+}
+
+impl Sub for Vector {
+    type Output = Vector;
+    fn sub(self, other: Vector) -> Vector {
+        self + -other
+    }
+}
+
+impl Neg for Vector {
+    type Output = Vector;
+    fn neg(self) -> Vector {
+        Vector::new(-self.x_m, -self.y_m)
+    }
+}
+
+impl Mul<f64> for Vector {
+    type Output = Vector;
+    fn mul(self, by: f64) -> Vector {
+        Vector::new(self.x_m * by, self.y_m * by)
+    }
+}
+
+impl From<Position> for Point {
+    fn from(position: Position) -> Point {
+        Point::new(position.x_m, position.y_m)
+    }
+}
+
+impl From<Point> for Position {
+    fn from(point: Point) -> Position {
+        Position { x_m: point.x_m, y_m: point.y_m }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_polar_vector_has_its_length_and_direction() {
+        let vector = Vector::polar(Angle::from_degrees(120.0), 2.0);
+        assert!((vector.length_m() - 2.0).abs() < 1e-12);
+        assert!((vector.angle().degrees() - 120.0).abs() < 1e-9);
+    }
+
+    #[test]
+    fn left_is_a_quarter_turn_counter_clockwise() {
+        let east = Vector::new(1.0, 0.0);
+        assert_eq!(east.left(), Vector::new(-0.0, 1.0));
+        assert!(east.cross(east.left()) > 0.0);
+    }
+}

@@ -1,0 +1,92 @@
+//! Simple polygons of the local frame: fences, footprints.
+
+use serde::{Deserialize, Serialize};
+
+use super::{Point, Segment};
+
+/// A simple polygon given by its corners, in order; the last is joined to the first.
+#[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
+pub struct Polygon {
+    corners: Vec<Point>,
+}
+
+impl Polygon {
+    /// Makes a polygon from its corners, in order around it.
+    pub fn new(corners: Vec<Point>) -> Polygon {
+        Polygon { corners }
+    }
+
+    /// Gives the corners.
+    pub fn corners(&self) -> &[Point] {
+        &self.corners
+    }
+
+    /// Gives the edges, in order.
+    pub fn edges(&self) -> impl Iterator<Item = Segment> + '_ {
+        let next = self.corners.iter().cycle().skip(1);
+        self.corners.iter().zip(next).map(|(a, b)| Segment::new(*a, *b))
+    }
+
+    /// Gives the signed area, m²; positive when the corners run counter-clockwise.
+    pub fn area_m2(&self) -> f64 {
+        let origin = Point::default();
+        self.edges().map(|edge| (edge.from - origin).cross(edge.to - origin)).sum::<f64>() / 2.0
+    }
+
+    /// Tells whether a point lies inside (even-odd rule).
+    pub fn contains(&self, point: Point) -> bool {
+        let mut inside = false;
+        for Segment { from, to } in self.edges() {
+            if (from.y_m > point.y_m) == (to.y_m > point.y_m) {
+                continue;
+            }
+            let share = (point.y_m - from.y_m) / (to.y_m - from.y_m);
+            if point.x_m < from.x_m + share * (to.x_m - from.x_m) {
+                inside = !inside;
+            }
+        }
+        inside
+    }
+
+    /// Gives the distance from a point to the nearest edge, metres; infinite without corners.
+    pub fn distance_to_edge(&self, point: Point) -> f64 {
+        self.edges().map(|edge| edge.distance_to_point(point)).fold(f64::INFINITY, f64::min)
+    }
+
+    /// Tells whether a disc around a point lies wholly inside.
+    pub fn contains_disc(&self, centre: Point, radius_m: f64) -> bool {
+        self.contains(centre) && self.distance_to_edge(centre) >= radius_m
+    }
+
+    /// Tells whether a disc moved along a segment stays wholly inside.
+    pub fn contains_corridor(&self, along: Segment, radius_m: f64) -> bool {
+        self.contains(along.from)
+            && self.contains(along.to)
+            && self.edges().all(|edge| edge.distance_to(along) >= radius_m)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn ell() -> Polygon {
+        let corners = [(0.0, 0.0), (4.0, 0.0), (4.0, 1.0), (1.0, 1.0), (1.0, 4.0), (0.0, 4.0)];
+        Polygon::new(corners.iter().map(|(x, y)| Point::new(*x, *y)).collect())
+    }
+
+    #[test]
+    fn a_concave_polygon_knows_its_inside() {
+        assert!(ell().contains(Point::new(0.5, 3.0)));
+        assert!(!ell().contains(Point::new(2.0, 2.0)));
+        assert!((ell().area_m2() - 7.0).abs() < 1e-12);
+    }
+
+    #[test]
+    fn a_corridor_across_the_notch_leaves_the_polygon() {
+        let from = Point::new(0.5, 3.5);
+        assert!(!ell().contains_corridor(Segment::new(from, Point::new(3.5, 0.5)), 0.1));
+        assert!(ell().contains_corridor(Segment::new(from, Point::new(0.5, 0.5)), 0.4));
+        assert!(!ell().contains_corridor(Segment::new(from, Point::new(0.5, 0.5)), 0.6));
+    }
+}

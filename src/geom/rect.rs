@@ -1,0 +1,77 @@
+//! Rectangles along the axes of the local frame.
+
+use serde::{Deserialize, Serialize};
+
+use super::{Point, Polygon};
+
+/// A rectangle along the axes, metres; `min` is its south-west corner.
+#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
+pub struct Rect {
+    /// The corner with the smallest coordinates.
+    pub min: Point,
+    /// The corner with the largest coordinates.
+    pub max: Point,
+}
+
+impl Rect {
+    /// Makes a rectangle from two opposite corners, in any order.
+    pub fn new(a: Point, b: Point) -> Rect {
+        Rect {
+            min: Point::new(a.x_m.min(b.x_m), a.y_m.min(b.y_m)),
+            max: Point::new(a.x_m.max(b.x_m), a.y_m.max(b.y_m)),
+        }
+    }
+
+    /// Gives the width (along x), metres.
+    pub fn width_m(self) -> f64 {
+        self.max.x_m - self.min.x_m
+    }
+
+    /// Gives the height (along y), metres.
+    pub fn height_m(self) -> f64 {
+        self.max.y_m - self.min.y_m
+    }
+
+    /// Gives the middle.
+    pub fn centre(self) -> Point {
+        self.min.toward(self.max, 0.5)
+    }
+
+    /// Tells whether a point lies inside or on the border.
+    pub fn contains(self, point: Point) -> bool {
+        (self.min.x_m..=self.max.x_m).contains(&point.x_m)
+            && (self.min.y_m..=self.max.y_m).contains(&point.y_m)
+    }
+
+    /// Gives the rectangle moved inward by `by_m` on every side (outward when negative).
+    pub fn shrunk(self, by_m: f64) -> Rect {
+        Rect {
+            min: Point::new(self.min.x_m + by_m, self.min.y_m + by_m),
+            max: Point::new(self.max.x_m - by_m, self.max.y_m - by_m),
+        }
+    }
+
+    /// Gives the four corners, counter-clockwise from the south-west.
+    pub fn corners(self) -> [Point; 4] {
+        let Rect { min, max } = self;
+        [min, Point::new(max.x_m, min.y_m), max, Point::new(min.x_m, max.y_m)]
+    }
+
+    /// Gives the rectangle as a polygon.
+    pub fn polygon(self) -> Polygon {
+        Polygon::new(self.corners().to_vec())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn shrinking_keeps_the_centre() {
+        let rect = Rect::new(Point::new(4.0, 2.0), Point::new(0.0, 0.0));
+        assert_eq!(rect.shrunk(0.5).centre(), rect.centre());
+        assert_eq!(rect.shrunk(0.5).width_m(), 3.0);
+        assert!(rect.contains(rect.max) && !rect.contains(Point::new(4.1, 1.0)));
+    }
+}

@@ -1,0 +1,89 @@
+//! Straight pieces between two points, and distances to them.
+
+use super::{Point, Vector};
+
+/// A straight piece from one point to another; both may coincide.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub struct Segment {
+    /// Where it starts.
+    pub from: Point,
+    /// Where it ends.
+    pub to: Point,
+}
+
+impl Segment {
+    /// Makes a segment.
+    pub const fn new(from: Point, to: Point) -> Segment {
+        Segment { from, to }
+    }
+
+    /// Gives the displacement from start to end.
+    pub fn vector(self) -> Vector {
+        self.to - self.from
+    }
+
+    /// Gives the length, metres.
+    pub fn length_m(self) -> f64 {
+        self.vector().length_m()
+    }
+
+    /// Gives the share of the way (0 to 1) at which the segment comes nearest to a point.
+    pub fn nearest_share(self, point: Point) -> f64 {
+        let along = self.vector();
+        let square = along.dot(along);
+        if square <= 0.0 {
+            return 0.0;
+        }
+        ((point - self.from).dot(along) / square).clamp(0.0, 1.0)
+    }
+
+    /// Gives the distance to a point, metres.
+    pub fn distance_to_point(self, point: Point) -> f64 {
+        self.from.toward(self.to, self.nearest_share(point)).distance_to(point)
+    }
+
+    /// Gives the smallest distance between two segments, metres; 0 when they touch.
+    pub fn distance_to(self, other: Segment) -> f64 {
+        if self.crosses(other) {
+            return 0.0;
+        }
+        self.distance_to_point(other.from)
+            .min(self.distance_to_point(other.to))
+            .min(other.distance_to_point(self.from))
+            .min(other.distance_to_point(self.to))
+    }
+
+    /// Tells whether the two segments cross in one inner point of both.
+    pub fn crosses(self, other: Segment) -> bool {
+        let (a, b) = (self.vector(), other.vector());
+        let from_here = a.cross(other.from - self.from) * a.cross(other.to - self.from);
+        let from_there = b.cross(self.from - other.from) * b.cross(self.to - other.from);
+        from_here < 0.0 && from_there < 0.0
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn segment(x0: f64, y0: f64, x1: f64, y1: f64) -> Segment {
+        Segment::new(Point::new(x0, y0), Point::new(x1, y1))
+    }
+
+    #[test]
+    fn distances_are_taken_to_the_nearest_part() {
+        let base = segment(0.0, 0.0, 2.0, 0.0);
+        assert_eq!(base.distance_to_point(Point::new(1.0, 3.0)), 3.0);
+        assert_eq!(base.distance_to_point(Point::new(5.0, 4.0)), 5.0);
+        assert_eq!(base.distance_to(segment(1.0, -1.0, 1.0, 1.0)), 0.0);
+        assert_eq!(base.distance_to(segment(0.0, 2.0, 2.0, 2.0)), 2.0);
+        assert_eq!(base.distance_to(segment(3.0, 0.0, 4.0, 0.0)), 1.0);
+    }
+
+    #[test]
+    fn a_segment_of_no_length_is_a_point() {
+        let dot = segment(1.0, 1.0, 1.0, 1.0);
+        assert_eq!(dot.distance_to_point(Point::new(1.0, 3.0)), 2.0);
+        assert_eq!(dot.distance_to(segment(0.0, 0.0, 2.0, 0.0)), 1.0);
+    }
+}

@@ -1,0 +1,1 @@
+//! The ground station: station, planner and imager actors, and how they are wired.

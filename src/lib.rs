@@ -1,0 +1,28 @@
+//! tomoswarm: a few small rovers as one moving radio-tomography instrument.
+//!
+//! Read ARCHITECTURE.md, then `node/route.rs`, then `actor/mod.rs`. The layers, from the bottom:
+//!
+//! | layer | modules | is |
+//! | --- | --- | --- |
+//! | L0 | [`time`], [`geom`] | values |
+//! | L1 | [`map`], [`plan`], [`tomo`], [`sweep`], [`scene`], [`config`], [`draw`] | pure functions and values |
+//! | L2 | [`actor`], [`node`], [`ground`] | state machines without I/O |
+//! | L3 | [`sim`] | the world in virtual time |
+//! | top | [`cli`] | files, terminal, assembly |
+
+#![warn(missing_docs)]
+
+pub mod actor;
+pub mod cli;
+pub mod config;
+pub mod draw;
+pub mod geom;
+pub mod ground;
+pub mod map;
+pub mod node;
+pub mod plan;
+pub mod scene;
+pub mod sim;
+pub mod sweep;
+pub mod time;
+pub mod tomo;

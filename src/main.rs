@@ -1,0 +1,3 @@
+//! The `tomoswarm` command.
+
+fn main() {}

@@ -1,0 +1,1 @@
+//! Evidence, tiles, layers and their merge.

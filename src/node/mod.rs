@@ -1,0 +1,1 @@
+//! A vehicle: its actors, and the one place that says who hears whom.

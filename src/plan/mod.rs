@@ -1,0 +1,1 @@
+//! Routes on the map: A*, corridors, and what is released to be driven.

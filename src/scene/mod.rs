@@ -1,0 +1,1 @@
+//! The simulated world as data: VRML, shapes, ray casts, attenuation.

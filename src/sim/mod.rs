@@ -1,0 +1,1 @@
+//! The world in virtual time: kernel, bodies, simulated drivers, radio field, bus.

@@ -1,0 +1,1 @@
+//! Radio tomography: samples, links, weights, solvers, images, peaks.
