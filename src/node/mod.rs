@@ -1,1 +1,20 @@
-//! A vehicle: its actors, and the one place that says who hears whom.
+//! A vehicle: its actors, and the one place that says who hears whom ([`route`]).
+//!
+//! Nothing here knows a device or a network. What reaches a vehicle from outside is an [`Event`],
+//! what it wants done outside is an [`Effect`]; drivers and the bus at the edge turn them into real things.
+
+pub mod map;
+pub mod mission;
+pub mod outbox;
+pub mod radio;
+pub mod route;
+pub mod sensor;
+mod settings;
+#[cfg(test)]
+mod tests_support;
+pub mod vehicle;
+mod vehicle_node;
+
+pub use route::{Effect, Event};
+pub use settings::{BodySettings, LookSettings, RadioSettings, SafetySettings, Settings};
+pub use vehicle_node::VehicleNode;

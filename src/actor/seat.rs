@@ -1,0 +1,109 @@
+//! An actor with its inbox: how a single-threaded runtime keeps the contract.
+
+use super::{Actor, Fault, Inbox, Input};
+use crate::time::{Deadline, Time};
+
+/// Inputs of the queue class that may wait in front of one actor.
+const INBOX: usize = 256;
+
+/// An actor with what it has not read yet.
+#[derive(Debug)]
+pub struct Seat<A: Actor> {
+    actor: A,
+    inbox: Inbox<A::In>,
+    said: Vec<A::Out>,
+}
+
+impl<A: Actor> Seat<A>
+where
+    A::In: Input,
+{
+    /// Seats an actor behind an empty inbox.
+    pub fn new(actor: A) -> Seat<A> {
+        Seat { actor, inbox: Inbox::new(INBOX), said: Vec::new() }
+    }
+
+    /// Gives the actor.
+    pub fn actor(&self) -> &A {
+        &self.actor
+    }
+
+    /// Puts an input into the inbox.
+    pub fn push(&mut self, input: A::In) {
+        self.inbox.push(input);
+    }
+
+    /// Tells how many inputs were dropped unread.
+    pub fn dropped(&self) -> u64 {
+        self.inbox.dropped()
+    }
+
+    /// Gives the actor's deadline.
+    pub fn deadline(&self) -> Option<Deadline> {
+        self.actor.deadline()
+    }
+
+    /// Lets the actor act until nothing is due and nothing unread, and hands on what it says.
+    ///
+    /// # Errors
+    /// The actor cannot go on.
+    pub fn act(&mut self, now: Time, mut hand_on: impl FnMut(A::Out)) -> Result<(), Fault> {
+        loop {
+            if self.actor.deadline().is_some_and(|deadline| deadline.at <= now) {
+                self.actor.wake(now, &mut self.said)?;
+                debug_assert!(self.actor.deadline().is_none_or(|next| next.at > now), "woken in vain");
+            } else if let Some(input) = self.inbox.pop() {
+                self.actor.handle(now, input, &mut self.said)?;
+            } else {
+                return Ok(());
+            }
+            self.said.drain(..).for_each(&mut hand_on);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::actor::Class;
+    use std::time::Duration;
+
+    /// Repeats what it is told, and ticks once a second.
+    struct Clock(Time);
+
+    impl Input for u32 {
+        type Key = ();
+        fn class(&self) -> Class<()> {
+            Class::Queue
+        }
+    }
+
+    impl Actor for Clock {
+        type In = u32;
+        type Out = String;
+        fn handle(&mut self, _now: Time, input: u32, out: &mut Vec<String>) -> Result<(), Fault> {
+            out.push(format!("told {input}"));
+            Ok(())
+        }
+        fn deadline(&self) -> Option<Deadline> {
+            Some(Deadline { at: self.0, why: "tick" })
+        }
+        fn wake(&mut self, now: Time, out: &mut Vec<String>) -> Result<(), Fault> {
+            self.0 = now + Duration::from_secs(1);
+            out.push("tick".to_owned());
+            Ok(())
+        }
+    }
+
+    #[test]
+    fn a_due_deadline_goes_before_the_inbox() {
+        let mut seat = Seat::new(Clock(Time::from_secs_f64(1.0)));
+        seat.push(1);
+        seat.push(2);
+        let mut said = Vec::new();
+        seat.act(Time::from_secs_f64(0.5), |out| said.push(out)).unwrap();
+        seat.push(3);
+        seat.act(Time::from_secs_f64(1.0), |out| said.push(out)).unwrap();
+        assert_eq!(said, ["told 1", "told 2", "tick", "told 3"]);
+    }
+}

@@ -1,0 +1,118 @@
+//! The imager actor: turns the newest links into a picture. It is slow, so it works alone and its answer
+//! takes a configured time; a job that waits while it works is replaced by a newer one.
+//!
+//! It is told jobs, it says pictures. It keeps the last solution of each kind, so that the next lap starts warm.
+//!
+//! Deadline: `picture ready`.
+
+use std::time::Duration;
+
+use tomoswarm_proto::RunId;
+
+use crate::actor::{Actor, Class, Fault, Input};
+use crate::time::{Deadline, Time};
+use crate::tomo::{Imager as Solver, Link, Reconstruction, Settings, TomoError};
+
+/// What is to be seen in a picture.
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Debug)]
+pub enum Subject {
+    /// What changed since the empty sweep.
+    Change,
+    /// What stands there, from a fitted path loss.
+    Structure,
+}
+
+/// A picture to be made.
+#[derive(Clone, PartialEq, Debug)]
+pub struct Job {
+    /// Of which run.
+    pub run: RunId,
+    /// After how many laps.
+    pub laps: usize,
+    /// What shall be seen in it.
+    pub subject: Subject,
+    /// Links of the run.
+    pub now: Vec<Link>,
+    /// Links of the empty sweep, for [`Subject::Change`].
+    pub empty: Vec<Link>,
+}
+
+/// A picture that was made.
+#[derive(Clone, Debug)]
+pub struct Picture {
+    /// Of which run.
+    pub run: RunId,
+    /// After how many laps.
+    pub laps: usize,
+    /// What is seen in it.
+    pub subject: Subject,
+    /// The picture, or why there is none.
+    pub result: Result<Reconstruction, String>,
+}
+
+/// The imager actor.
+#[derive(Debug)]
+pub struct Imager {
+    change: Solver,
+    structure: Solver,
+    takes: Duration,
+    waiting: Vec<Job>,
+    working: Option<(Time, Picture)>,
+}
+
+impl Imager {
+    /// Makes an imager whose pictures take `takes` to make, with settings for each subject.
+    ///
+    /// # Errors
+    /// The settings name an impossible grid.
+    pub fn new(change: Settings, structure: Settings, takes: Duration) -> Result<Imager, TomoError> {
+        let takes = takes.max(Duration::from_nanos(1));
+        let (change, structure) = (Solver::new(change)?, Solver::new(structure)?);
+        Ok(Imager { change, structure, takes, waiting: Vec::new(), working: None })
+    }
+
+    fn begin(&mut self, now: Time) {
+        if self.working.is_some() || self.waiting.is_empty() {
+            return;
+        }
+        let job = self.waiting.remove(0);
+        let result = match job.subject {
+            Subject::Change => self.change.update(&job.now, Some(&job.empty)),
+            Subject::Structure => self.structure.update(&job.now, None),
+        };
+        let result = result.map_err(|error| error.to_string());
+        let picture = Picture { run: job.run, laps: job.laps, subject: job.subject, result };
+        self.working = Some((now + self.takes, picture));
+    }
+}
+
+impl Actor for Imager {
+    type In = Job;
+    type Out = Picture;
+
+    fn handle(&mut self, now: Time, job: Job, _out: &mut Vec<Picture>) -> Result<(), Fault> {
+        self.waiting.retain(|waiting| (waiting.run, waiting.subject) != (job.run, job.subject));
+        self.waiting.push(job);
+        self.begin(now);
+        Ok(())
+    }
+
+    fn deadline(&self) -> Option<Deadline> {
+        let (at, _) = self.working.as_ref()?;
+        Some(Deadline { at: *at, why: "picture ready" })
+    }
+
+    fn wake(&mut self, now: Time, out: &mut Vec<Picture>) -> Result<(), Fault> {
+        out.extend(self.working.take().map(|(_, picture)| picture));
+        self.begin(now);
+        Ok(())
+    }
+}
+
+impl Input for Job {
+    type Key = (RunId, Subject);
+
+    fn class(&self) -> Class<(RunId, Subject)> {
+        Class::Latest((self.run, self.subject))
+    }
+}

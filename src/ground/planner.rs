@@ -1,0 +1,137 @@
+//! The planner actor: makes the plans of a sweep. Its answer takes a configured time, never zero.
+//!
+//! It is told requests, it says answers. Which positions and in which order is decided by
+//! [`crate::sweep`]; this actor only chooses the planner and waits.
+//!
+//! Deadline: `plan ready`.
+
+use std::time::Duration;
+
+use tomoswarm_proto::{Plan, Revision, RunId, StopId, VehicleId};
+
+use crate::actor::{Actor, Class, Fault, Input};
+use crate::geom::Point;
+use crate::sweep::{self, FanRequest, GapRequest, Ring, Sweep, SweepError};
+use crate::time::{Deadline, Time};
+
+/// Which planner, and its parameters.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub enum Method {
+    /// Laps at a constant gap; how many of them.
+    RotatingGap {
+        /// Laps of the whole sweep; `None` = as many as suit the number of vehicles.
+        laps: Option<usize>,
+    },
+    /// One stands, the others drive around it.
+    Fan {
+        /// Rounds of the whole sweep; `None` = one for every position.
+        rounds: Option<usize>,
+        /// Time at each stop.
+        dwell: Duration,
+    },
+}
+
+/// A sweep to be planned.
+#[derive(Clone, PartialEq, Debug)]
+pub struct Request {
+    /// Of which run.
+    pub run: RunId,
+    /// Of which revision.
+    pub revision: Revision,
+    /// Where the vehicles rest.
+    pub places: Vec<(VehicleId, Point)>,
+    /// Laps already done in this run.
+    pub first_lap: usize,
+}
+
+/// Plans, or why there are none.
+#[derive(Clone, PartialEq, Debug)]
+pub struct Answer {
+    /// Of which run.
+    pub run: RunId,
+    /// One plan for each vehicle, or why there is none.
+    pub plans: Result<Vec<Plan>, String>,
+    /// Per lap, the last stop of each vehicle.
+    pub laps: Vec<Vec<(VehicleId, StopId)>>,
+}
+
+/// The planner actor.
+#[derive(Clone, Debug)]
+pub struct Planner {
+    ring: Ring,
+    method: Method,
+    separation_m: f64,
+    takes: Duration,
+    ready: Option<(Time, Answer)>,
+}
+
+impl Planner {
+    /// Makes a planner for a ring of positions whose answers take `takes`.
+    pub fn new(ring: Ring, method: Method, separation_m: f64, takes: Duration) -> Planner {
+        Planner { ring, method, separation_m, takes: takes.max(Duration::from_nanos(1)), ready: None }
+    }
+}
+
+/// Plans a sweep at once; what the actor does, and what `tomoswarm plan` shows.
+///
+/// # Errors
+/// Too few or too many vehicles, or an area in which the sweep cannot be driven.
+pub fn plan(ring: &Ring, method: Method, separation_m: f64, request: &Request) -> Result<Sweep, SweepError> {
+    let Request { run, revision, places, first_lap } = request.clone();
+    match method {
+        Method::RotatingGap { laps } => {
+            let default = sweep::default_laps(ring.positions(), places.len());
+            let end_lap = laps.unwrap_or(default);
+            let gaps = GapRequest { run, revision, vehicles: places, first_lap, end_lap, separation_m };
+            sweep::rotating_gap(ring, &gaps)
+        }
+        Method::Fan { rounds, dwell } => {
+            let rounds = rounds.unwrap_or(ring.positions()).saturating_sub(first_lap).max(1);
+            let dwell_ms = u32::try_from(dwell.as_millis()).unwrap_or(u32::MAX);
+            let dwell_limit_ms = dwell_ms.saturating_mul(4);
+            let vehicles = places;
+            let fan = FanRequest { run, revision, vehicles, rounds, dwell_ms, dwell_limit_ms, separation_m };
+            sweep::fan(ring, &fan)
+        }
+    }
+}
+
+fn answer(run: RunId, planned: Result<Sweep, SweepError>) -> Answer {
+    match planned {
+        Ok(Sweep { plans, schedule }) => {
+            let last =
+                |lap: &sweep::Lap| lap.stops.iter().map(|(vehicle, _, last)| (*vehicle, *last)).collect();
+            Answer { run, plans: Ok(plans), laps: schedule.laps.iter().map(last).collect() }
+        }
+        Err(error) => Answer { run, plans: Err(error.to_string()), laps: Vec::new() },
+    }
+}
+
+impl Actor for Planner {
+    type In = Request;
+    type Out = Answer;
+
+    fn handle(&mut self, now: Time, request: Request, _out: &mut Vec<Answer>) -> Result<(), Fault> {
+        let planned = plan(&self.ring, self.method, self.separation_m, &request);
+        self.ready = Some((now + self.takes, answer(request.run, planned)));
+        Ok(())
+    }
+
+    fn deadline(&self) -> Option<Deadline> {
+        let (at, _) = self.ready.as_ref()?;
+        Some(Deadline { at: *at, why: "plan ready" })
+    }
+
+    fn wake(&mut self, _now: Time, out: &mut Vec<Answer>) -> Result<(), Fault> {
+        out.extend(self.ready.take().map(|(_, answer)| answer));
+        Ok(())
+    }
+}
+
+impl Input for Request {
+    type Key = ();
+
+    fn class(&self) -> Class<()> {
+        Class::Latest(())
+    }
+}

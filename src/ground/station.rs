@@ -1,0 +1,461 @@
+//! The station actor: keeps the fleet table, the merged map and the samples, and brings one sweep after
+//! another from a wish to its links.
+//!
+//! It is told messages of the vehicles, wishes of the operator, and plans; it says plans, orders, watermarks and
+//! map repairs for the bus, requests for the planner, jobs for the imager, and notes. It solves nothing and plans
+//! nothing itself.
+//!
+//! ```text
+//!   Idle ─Sweep wished, all heard─► Planning ─plans─► Running ─every stop done─► Closing ─samples in─► Idle
+//!                                      ▲                 │ a vehicle cannot begin where its plan does
+//!                                      └─all at rest─ Resting ◄────┘
+//! ```
+//!
+//! Deadline: `repeat` (state is published and repeated, nobody asks and waits).
+
+use std::time::Duration;
+
+use tomoswarm_proto::{Lease, Message, OrderKind, RunId, Samples, StopId, TileReport, VehicleId, Want};
+
+use super::fleet::{Fleet, Member};
+use super::imager::{Job, Subject};
+use super::planner::{Answer, Request};
+use super::samples::SampleStore;
+use crate::actor::{Actor, Class, Fault, Input};
+use crate::geom::{Lattice, Point};
+use crate::map::Merged;
+use crate::sweep::{self, Succession};
+use crate::time::{Deadline, Time};
+
+/// Everything is looked at and repeated this often.
+const TICK: Duration = Duration::from_secs(1);
+/// Plans are repeated this often until every vehicle shows them.
+const PLAN_EVERY: Duration = Duration::from_secs(5);
+/// Plans that every vehicle shows are repeated this often, for one that restarts.
+const SHOWN_PLAN_EVERY: Duration = Duration::from_secs(60);
+/// A revision that somebody does not follow after this long is replaced.
+const ADOPTED_WITHIN: Duration = Duration::from_secs(30);
+/// Time for the last samples to come in after the last stop.
+const CLOSING: Duration = Duration::from_secs(3);
+/// Gaps in the samples are waited for at most this long.
+const CLOSING_MAX: Duration = Duration::from_secs(60);
+/// Tiles sent for one want.
+const REPAIR_TILES: usize = 16;
+
+/// What an operator wants.
+#[derive(Clone, PartialEq, Debug)]
+pub enum Wish {
+    /// Sweep the area.
+    Sweep {
+        /// Name of the run.
+        run: RunId,
+        /// The run whose links were measured with nobody inside.
+        empty: Option<RunId>,
+    },
+    /// Give every vehicle an order.
+    Order(OrderKind),
+}
+
+/// What the station can be told.
+#[derive(Clone, PartialEq, Debug)]
+pub enum In {
+    /// A message of a vehicle.
+    Bus(Message),
+    /// A wish of the operator.
+    Wish(Wish),
+    /// Plans, or why there are none.
+    Planned(Answer),
+}
+
+/// What the station can say.
+#[derive(Clone, PartialEq, Debug)]
+pub enum Out {
+    /// To the vehicles.
+    Publish(Message),
+    /// To the planner.
+    Ask(Request),
+    /// To the imager.
+    Reconstruct(Job),
+    /// To log and operator.
+    Note(Note),
+}
+
+/// What happened, for log and operator.
+#[derive(Clone, PartialEq, Debug)]
+pub enum Note {
+    /// Plans were made.
+    Planned {
+        /// Of which run.
+        run: RunId,
+        /// Laps of the schedule.
+        laps: usize,
+        /// Stops of all vehicles.
+        stops: usize,
+    },
+    /// No plan could be made.
+    NoPlan(String),
+    /// A vehicle did not begin its plan: everyone is brought to rest and planned for anew.
+    Replans(RunId),
+    /// All vehicles have done a lap.
+    LapDone {
+        /// Of which run.
+        run: RunId,
+        /// Laps done.
+        laps: usize,
+        /// Links measured so far.
+        links: usize,
+        /// Samples stored so far.
+        samples: u64,
+    },
+    /// All vehicles have done all stops and the samples are in.
+    RunClosed {
+        /// Which run.
+        run: RunId,
+        /// Links measured.
+        links: usize,
+        /// Samples stored.
+        samples: u64,
+    },
+}
+
+/// Who the station is, and for whom it is there.
+#[derive(Clone, Debug)]
+pub struct StationSettings {
+    /// The vehicles that it waits for.
+    pub vehicles: Vec<VehicleId>,
+    /// By which right it gives orders.
+    pub lease: Lease,
+    /// Id of the sample store.
+    pub store: u64,
+    /// The cells of the map.
+    pub lattice: Lattice,
+    /// Side of a link's end bins, metres.
+    pub bin_m: f64,
+    /// Side of what counts as one spot, metres.
+    pub spot_m: f64,
+}
+
+#[derive(Clone, Debug)]
+enum Phase {
+    Idle,
+    Planning(Sweep),
+    Running(Sweep, Laps),
+    /// Everyone is brought to rest, to be planned for anew.
+    Stopping(Sweep),
+    Closing {
+        sweep: Sweep,
+        since: Time,
+    },
+}
+
+/// Per lap still to be driven, the last stop of each vehicle.
+type Laps = Vec<Vec<(VehicleId, StopId)>>;
+
+#[derive(Clone, Copy, Debug)]
+struct Sweep {
+    run: RunId,
+    empty: Option<RunId>,
+    /// Laps done before the present plans were made.
+    laps_before: usize,
+    laps_done: usize,
+}
+
+/// The station actor.
+#[derive(Debug)]
+pub struct Station {
+    fleet: Fleet,
+    map: Merged,
+    samples: SampleStore,
+    phase: Phase,
+    succession: Option<Succession>,
+    wished: Option<Wish>,
+    planned_at: Time,
+    plans_at: Time,
+    tick_at: Time,
+}
+
+impl Station {
+    /// Makes a station that has heard nobody yet.
+    pub fn new(settings: StationSettings) -> Station {
+        Station {
+            fleet: Fleet::new(&settings.vehicles, settings.lease),
+            map: Merged::new(settings.lattice, None),
+            samples: SampleStore::new(settings.store, settings.bin_m, settings.spot_m),
+            phase: Phase::Idle,
+            succession: None,
+            wished: None,
+            planned_at: Time::ZERO,
+            plans_at: Time::ZERO,
+            tick_at: Time::ZERO + TICK,
+        }
+    }
+
+    /// Gives the fleet table.
+    pub fn fleet(&self) -> &Fleet {
+        &self.fleet
+    }
+
+    /// Gives the merged map.
+    pub fn map(&self) -> &Merged {
+        &self.map
+    }
+
+    /// Gives the stored samples.
+    pub fn samples(&self) -> &SampleStore {
+        &self.samples
+    }
+
+    fn hear(&mut self, now: Time, message: Message, out: &mut Vec<Out>) {
+        match message {
+            Message::State(state) => self.fleet.heard_state(now, state),
+            Message::Progress(progress) => {
+                if let Some(succession) = &mut self.succession {
+                    succession.hear(&progress);
+                }
+                self.fleet.heard_progress(progress);
+            }
+            Message::Samples(batch) => self.store(&batch),
+            Message::Tile(report) => self.join(&report),
+            Message::Digest(digest) => {
+                let wants = self.map.want(&digest);
+                out.extend(wants.into_iter().map(|want| Out::Publish(Message::Want(want))));
+            }
+            Message::Want(want) => self.repair(&want, out),
+            // Said by the ground itself, or the bus's and the radio's business.
+            Message::Plan(_)
+            | Message::Order(_)
+            | Message::Have(_)
+            | Message::Hello(_)
+            | Message::Beacon(_) => {}
+        }
+    }
+
+    fn store(&mut self, batch: &Samples) {
+        self.samples.take(batch);
+    }
+
+    fn join(&mut self, report: &TileReport) {
+        // A tile that cannot be joined changes nothing; its sender keeps it, and repeats it.
+        let _ = self.map.join(report);
+    }
+
+    fn repair(&self, want: &Want, out: &mut Vec<Out>) {
+        let tiles = self.map.answer(want, REPAIR_TILES);
+        out.extend(tiles.into_iter().map(|report| Out::Publish(Message::Tile(report))));
+    }
+
+    fn wish(&mut self, now: Time, wish: Wish, out: &mut Vec<Out>) {
+        match wish {
+            Wish::Order(kind) => {
+                let run = self.run();
+                self.fleet.order_all(run, kind);
+                self.publish_orders(out);
+            }
+            Wish::Sweep { .. } => {
+                self.wished = Some(wish);
+                self.begin(out);
+            }
+        }
+    }
+
+    fn run(&self) -> RunId {
+        match &self.phase {
+            Phase::Idle => RunId::default(),
+            Phase::Planning(sweep)
+            | Phase::Running(sweep, _)
+            | Phase::Stopping(sweep)
+            | Phase::Closing { sweep, .. } => sweep.run,
+        }
+    }
+
+    /// Begins a wished sweep once every vehicle has been heard and none is under way.
+    fn begin(&mut self, out: &mut Vec<Out>) {
+        if !matches!(self.phase, Phase::Idle) || !self.fleet.is_complete() {
+            return;
+        }
+        let Some(Wish::Sweep { run, empty }) = self.wished.take() else { return };
+        let highest = self.fleet.highest_revision(run);
+        self.succession = Some(Succession::new(run, &self.fleet.ids(), highest));
+        self.ask(Sweep { run, empty, laps_before: 0, laps_done: 0 }, out);
+    }
+
+    /// Asks for plans from where the vehicles rest now.
+    fn ask(&mut self, sweep: Sweep, out: &mut Vec<Out>) {
+        let Some(succession) = &self.succession else { return };
+        let place = |(id, member): (VehicleId, &Member)| {
+            let (_, state) = member.state.as_ref()?;
+            Some((id, Point::from(state.pose.at)))
+        };
+        let places = self.fleet.members().filter_map(place).collect();
+        let (run, revision, first_lap) = (sweep.run, succession.next_revision(), sweep.laps_done);
+        out.push(Out::Ask(Request { run, revision, places, first_lap }));
+        self.phase = Phase::Planning(Sweep { laps_before: sweep.laps_done, ..sweep });
+    }
+
+    fn planned(&mut self, now: Time, answer: Answer, out: &mut Vec<Out>) {
+        let (Phase::Planning(sweep), Some(succession)) = (&self.phase, &mut self.succession) else { return };
+        let sweep = *sweep;
+        let begun = answer.plans.and_then(|plans| {
+            let stops = plans.iter().map(|plan| plan.stops.len()).sum();
+            succession.begin(plans).map(|_| stops).map_err(|error| error.to_string())
+        });
+        match begun {
+            Err(reason) => {
+                out.push(Out::Note(Note::NoPlan(reason)));
+                self.phase = Phase::Idle;
+            }
+            Ok(stops) => {
+                let laps = answer.laps.len();
+                out.push(Out::Note(Note::Planned { run: sweep.run, laps, stops }));
+                self.phase = Phase::Running(sweep, answer.laps);
+                self.planned_at = now;
+                self.fleet.order_all(sweep.run, OrderKind::Start);
+                self.publish_plans(now, out);
+                self.publish_orders(out);
+            }
+        }
+    }
+
+    fn publish_plans(&mut self, now: Time, out: &mut Vec<Out>) {
+        let plans = self.succession.iter().flat_map(Succession::plans);
+        out.extend(plans.map(|plan| Out::Publish(Message::Plan(plan.clone()))));
+        self.plans_at = now;
+    }
+
+    fn publish_orders(&self, out: &mut Vec<Out>) {
+        out.extend(self.fleet.open_orders().into_iter().map(|order| Out::Publish(Message::Order(order))));
+    }
+
+    fn tick(&mut self, now: Time, out: &mut Vec<Out>) {
+        self.begin(out);
+        self.publish_orders(out);
+        out.push(Out::Publish(Message::Have(self.samples.have())));
+        out.push(Out::Publish(Message::Digest(self.map.digest())));
+        self.look_after_plans(now, out);
+        self.look_after_laps(now, out);
+        self.close(now, out);
+    }
+
+    /// Repeats plans; stops everyone and plans anew when somebody cannot begin where its plan does.
+    fn look_after_plans(&mut self, now: Time, out: &mut Vec<Out>) {
+        let Some(succession) = &mut self.succession else { return };
+        let shown = succession.missing().next().is_none();
+        match &self.phase {
+            Phase::Running(sweep, _) if !shown && now.since(self.planned_at) > ADOPTED_WITHIN => {
+                let sweep = *sweep;
+                succession.stop();
+                out.push(Out::Note(Note::Replans(sweep.run)));
+                self.phase = Phase::Stopping(sweep);
+                self.publish_plans(now, out);
+            }
+            Phase::Stopping(sweep) if succession.phase() == sweep::Phase::Stopped => {
+                let sweep = *sweep;
+                self.ask(sweep, out);
+            }
+            Phase::Running(..) | Phase::Stopping(_) => {
+                let every = if shown { SHOWN_PLAN_EVERY } else { PLAN_EVERY };
+                if now.since(self.plans_at) >= every {
+                    self.publish_plans(now, out);
+                }
+            }
+            Phase::Idle | Phase::Planning(_) | Phase::Closing { .. } => {}
+        }
+    }
+
+    fn look_after_laps(&mut self, now: Time, out: &mut Vec<Out>) {
+        let Phase::Running(sweep, laps) = &self.phase else { return };
+        let (mut sweep, wanted) = (*sweep, laps.len());
+        let done = laps.iter().take_while(|lap| self.is_done(sweep, lap)).count();
+        let finished = done == wanted;
+        if sweep.laps_before + done > sweep.laps_done {
+            sweep.laps_done = sweep.laps_before + done;
+            let links = self.samples.links(sweep.run);
+            let (run, laps, samples) = (sweep.run, sweep.laps_done, self.samples.count(sweep.run));
+            out.push(Out::Note(Note::LapDone { run, laps, links: links.len(), samples }));
+            if !finished && let Some(empty) = sweep.empty {
+                out.push(Out::Reconstruct(self.change(sweep, links, empty)));
+            }
+        }
+        if finished {
+            self.phase = Phase::Closing { sweep, since: now };
+        } else if let Phase::Running(running, _) = &mut self.phase {
+            *running = sweep;
+        }
+    }
+
+    /// Tells whether every vehicle has done its last stop of a lap.
+    fn is_done(&self, sweep: Sweep, lap: &[(VehicleId, StopId)]) -> bool {
+        lap.iter().all(|(vehicle, stop)| {
+            self.fleet.members().any(|(id, member)| {
+                let progress = member.progress.filter(|progress| progress.run == sweep.run);
+                id == *vehicle
+                    && progress.and_then(|progress| progress.done).is_some_and(|done| done >= *stop)
+            })
+        })
+    }
+
+    fn change(&self, sweep: Sweep, now: Vec<crate::tomo::Link>, empty: RunId) -> Job {
+        let empty = self.samples.links(empty);
+        Job { run: sweep.run, laps: sweep.laps_done, subject: Subject::Change, now, empty }
+    }
+
+    fn close(&mut self, now: Time, out: &mut Vec<Out>) {
+        let Phase::Closing { sweep, since } = self.phase else { return };
+        let waited = now.since(since);
+        if waited < CLOSING || (self.samples.has_gaps(sweep.run) && waited < CLOSING_MAX) {
+            return;
+        }
+        let links = self.samples.links(sweep.run);
+        let (run, samples) = (sweep.run, self.samples.count(sweep.run));
+        out.push(Out::Note(Note::RunClosed { run, links: links.len(), samples }));
+        if let Some(empty) = sweep.empty {
+            out.push(Out::Reconstruct(self.change(sweep, links.clone(), empty)));
+        }
+        let subject = Subject::Structure;
+        out.push(Out::Reconstruct(Job {
+            run,
+            laps: sweep.laps_done,
+            subject,
+            now: links,
+            empty: Vec::new(),
+        }));
+        self.phase = Phase::Idle;
+        self.begin(out);
+    }
+}
+
+impl Actor for Station {
+    type In = In;
+    type Out = Out;
+
+    fn handle(&mut self, now: Time, input: In, out: &mut Vec<Out>) -> Result<(), Fault> {
+        match input {
+            In::Bus(message) => self.hear(now, message, out),
+            In::Wish(wish) => self.wish(now, wish, out),
+            In::Planned(answer) => self.planned(now, answer, out),
+        }
+        Ok(())
+    }
+
+    fn deadline(&self) -> Option<Deadline> {
+        Some(Deadline { at: self.tick_at, why: "repeat" })
+    }
+
+    fn wake(&mut self, now: Time, out: &mut Vec<Out>) -> Result<(), Fault> {
+        self.tick_at = now + TICK;
+        self.tick(now, out);
+        Ok(())
+    }
+}
+
+impl Input for In {
+    type Key = (u8, VehicleId);
+
+    fn class(&self) -> Class<(u8, VehicleId)> {
+        match self {
+            In::Bus(Message::State(state)) => Class::Latest((0, state.vehicle)),
+            In::Bus(Message::Progress(progress)) => Class::Latest((1, progress.vehicle)),
+            In::Bus(_) | In::Wish(_) | In::Planned(_) => Class::Queue,
+        }
+    }
+}

@@ -1,0 +1,431 @@
+//! The mission actor: decides where the vehicle goes next, as its plan, its operator and its peers let it.
+//!
+//! It is told the own and the peers' states, tiles, plans, progress, orders and the vehicle's remarks. It says
+//! commands, progress, what it measures for, and remarks. Which leg may be entered is decided by
+//! [`crate::sweep::Follower`], how a leg is driven by [`pilot`]; the last word on safety has the vehicle actor.
+//!
+//! ```text
+//!            Start                     Hold / Emergency
+//!   Waiting ───────► Following ◄──────────────────────► Held
+//!                        │ Return        Start            │ Return
+//!                        ▼                                ▼
+//!                    Returning (lower ids first) ─► Home, at rest
+//! ```
+//!
+//! Deadlines: `repeat progress`, `the dwell at the stop ends`, `path ready`, `search again`.
+
+mod look;
+mod pilot;
+mod way;
+
+use std::collections::BTreeMap;
+use std::time::Duration;
+
+use tomoswarm_proto::{
+    Mode, Order, OrderKind, Plan, Progress, Revision, RunId, State, StopId, TileReport, VehicleId,
+};
+
+use self::pilot::{Met, Pilot};
+use super::Settings;
+use super::vehicle::{self, Command};
+use crate::actor::{Actor, Class, Fault, Input};
+use crate::geom::Point;
+use crate::sweep::{Follower, Refusal, Verdict, WaitsFor};
+use crate::time::{Deadline, Time};
+
+/// Progress is repeated this often.
+const REPEAT_EVERY: Duration = Duration::from_secs(1);
+/// Legs are entered ahead until the way is this long, metres, so that stops are driven through.
+const ENTER_AHEAD_M: f64 = 3.0;
+/// A plan may begin at most this far from where the vehicle stands, metres.
+const START_TOLERANCE_M: f64 = 0.5;
+/// Before it returns, a vehicle waits until all lower ids have been quiet this long, for each of them.
+const QUIET: Duration = Duration::from_secs(2);
+
+/// What the mission actor can be told.
+#[derive(Clone, PartialEq, Debug)]
+pub enum In {
+    /// Where the vehicle is.
+    State(State),
+    /// Where a peer is.
+    Peer(State),
+    /// Tiles that changed.
+    Tiles(Vec<TileReport>),
+    /// A plan, own or a peer's.
+    Plan(Plan),
+    /// How far a peer is.
+    Progress(Progress),
+    /// An order that the vehicle has accepted.
+    Order(Order),
+    /// What the vehicle's envelope or reflex decided.
+    Remark(vehicle::Remark),
+}
+
+/// What the mission actor can say.
+#[derive(Clone, PartialEq, Debug)]
+pub enum Out {
+    /// To the vehicle.
+    Command(Command),
+    /// The plan that is followed from now on.
+    Accepted(RunId, Revision),
+    /// How far it is with its plan.
+    Progress(Progress),
+    /// What is heard by radio belongs to this run from now on; `None` = to none.
+    Measure(Option<RunId>),
+    /// For log and operator.
+    Remark(Remark),
+}
+
+/// What the mission did or met.
+#[derive(Clone, PartialEq, Debug)]
+pub enum Remark {
+    /// A stop was done.
+    Done(StopId),
+    /// A new revision is followed.
+    Adopted(RunId, Revision),
+    /// A new revision does not fit.
+    Refused(Refusal),
+    /// Something unknown is looked at.
+    Looks(Point),
+    /// Something stands on the way.
+    Blocked(Point),
+    /// A path around it was found; its length, metres.
+    Path(f64),
+    /// There is no path, at least not now.
+    NoPath(String),
+    /// All stops are done.
+    Finished(RunId),
+    /// The vehicle is back home.
+    Home,
+}
+
+/// What the operator wants of this vehicle.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+enum Wanted {
+    Waiting,
+    Following,
+    Held,
+    Returning { under_way: bool },
+}
+
+/// The mission actor.
+#[derive(Debug)]
+pub struct Mission {
+    settings: Settings,
+    state: Option<State>,
+    follower: Option<Follower>,
+    pilot: Pilot,
+    wanted: Wanted,
+    peers: BTreeMap<VehicleId, Peer>,
+    said: Progress,
+    said_measure: Option<RunId>,
+    finished: bool,
+    repeat_at: Time,
+}
+
+#[derive(Clone, Copy, Debug)]
+struct Peer {
+    at: Point,
+    resting: bool,
+    moved_at: Time,
+}
+
+impl Mission {
+    /// Makes the actor of a vehicle that waits for plans and a start.
+    pub fn new(settings: Settings) -> Mission {
+        let said = Progress { vehicle: settings.vehicle, ..Progress::default() };
+        let repeat_at = Time::ZERO + REPEAT_EVERY + Duration::from_millis(53) * u32::from(settings.vehicle.0);
+        Mission {
+            pilot: Pilot::new(settings.clone()),
+            settings,
+            state: None,
+            follower: None,
+            wanted: Wanted::Waiting,
+            peers: BTreeMap::new(),
+            said,
+            said_measure: None,
+            finished: false,
+            repeat_at,
+        }
+    }
+
+    /// Says why no leg may be entered now, for status lines.
+    pub fn waits_for(&self) -> Option<WaitsFor> {
+        self.follower.as_ref().and_then(Follower::waits_for)
+    }
+
+    fn state(&mut self, now: Time, state: State, out: &mut Vec<Out>) {
+        let place = Point::from(state.pose.at);
+        if self.follower.is_none() {
+            self.follower = Some(Follower::new(self.settings.vehicle, place, START_TOLERANCE_M));
+            self.pilot.begin_at(place);
+        }
+        self.state = Some(state);
+        self.go_on(now, out);
+    }
+
+    /// Goes on with whatever is wanted; called with every state and when something else has changed.
+    fn go_on(&mut self, now: Time, out: &mut Vec<Out>) {
+        match self.wanted {
+            Wanted::Following => self.follow(now, out),
+            Wanted::Returning { under_way } => self.bring_home(now, under_way, out),
+            Wanted::Held => self.stay_held(),
+            Wanted::Waiting => {}
+        }
+        self.report(out);
+    }
+
+    fn follow(&mut self, now: Time, out: &mut Vec<Out>) {
+        self.enter_legs();
+        self.drive(now, out);
+        if let Some(follower) = &mut self.follower {
+            follower.wake(now);
+        }
+    }
+
+    /// Enters legs ahead as far as the plans allow, so that stops without dwell are driven through.
+    fn enter_legs(&mut self) {
+        let Some(follower) = &mut self.follower else { return };
+        while self.pilot.way().length_m() < ENTER_AHEAD_M {
+            let Some(stop) = follower.next_leg().cloned() else { return };
+            if follower.enter(stop.id).is_err() {
+                return;
+            }
+            let route = stop.route.iter().map(|corner| Point::from(*corner));
+            self.pilot.append(route, stop.at.into(), Some(stop.id));
+        }
+    }
+
+    fn drive(&mut self, now: Time, out: &mut Vec<Out>) {
+        let Some(state) = &self.state else { return };
+        let resting = self.peers.values().filter(|peer| peer.resting).map(|peer| peer.at);
+        self.pilot.keep_clear_of(resting.collect());
+        let mut met = Vec::new();
+        let command = self.pilot.advance(now, state, &mut met);
+        out.extend(command.map(Out::Command));
+        for met in met {
+            self.meet(now, met, out);
+        }
+    }
+
+    fn meet(&mut self, now: Time, met: Met, out: &mut Vec<Out>) {
+        let remark = match met {
+            Met::Stop(stop) => {
+                let place = self.state.as_ref().map(|state| Point::from(state.pose.at)).unwrap_or_default();
+                if let Some(follower) = &mut self.follower {
+                    // Only a stop of a plan that was given up meanwhile is refused: then nobody waits for it.
+                    let _ = follower.arrive(now, stop, place);
+                }
+                Remark::Done(stop)
+            }
+            Met::Looks(at) => Remark::Looks(at),
+            Met::Blocked(at) => Remark::Blocked(at),
+            Met::Path(length_m) => Remark::Path(length_m),
+            Met::NoPath(reason) => Remark::NoPath(reason),
+        };
+        out.push(Out::Remark(remark));
+    }
+
+    /// While held: a newer revision may be adopted from where the vehicle rests.
+    fn stay_held(&mut self) {
+        let (Some(follower), Some(state)) = (&mut self.follower, &self.state) else { return };
+        let at_rest = state.speed_mps == 0.0 && state.leg.is_none();
+        if at_rest {
+            // A newer revision may be adopted by that; `report` sees it.
+            follower.hold(state.pose.at.into());
+        }
+    }
+
+    fn bring_home(&mut self, now: Time, under_way: bool, out: &mut Vec<Out>) {
+        let Some(state) = &self.state else { return };
+        if !under_way {
+            if state.leg.is_none() && self.lower_ids_are_quiet(now) {
+                self.pilot.go_home(now, state);
+                self.wanted = Wanted::Returning { under_way: true };
+            }
+            return;
+        }
+        self.drive(now, out);
+        if self.pilot.way().is_empty() {
+            self.wanted = Wanted::Waiting;
+            out.push(Out::Remark(Remark::Home));
+        }
+    }
+
+    /// Vehicles return one after the other: all lower ids have been at rest, longer the more there are.
+    fn lower_ids_are_quiet(&self, now: Time) -> bool {
+        let lower: Vec<&Peer> = self.peers.range(..self.settings.vehicle).map(|(_, peer)| peer).collect();
+        let quiet = QUIET * lower.len() as u32;
+        lower.iter().all(|peer| peer.resting && now.since(peer.moved_at) >= quiet)
+    }
+
+    fn peer(&mut self, now: Time, state: &State) {
+        if state.vehicle == self.settings.vehicle {
+            return;
+        }
+        let resting = state.leg.is_none() && !matches!(state.mode, Mode::Driving | Mode::Turning);
+        let moved_at = self.peers.get(&state.vehicle).map_or(now, |peer| peer.moved_at);
+        let moved_at = if resting { moved_at } else { now };
+        self.peers.insert(state.vehicle, Peer { at: state.pose.at.into(), resting, moved_at });
+    }
+
+    fn plan(&mut self, plan: &Plan, out: &mut Vec<Out>) {
+        let Some(follower) = &mut self.follower else { return };
+        let before = follower.refusal().cloned();
+        match follower.offer(plan) {
+            Verdict::Refused(refusal) if before.as_ref() != Some(&refusal) => {
+                out.push(Out::Remark(Remark::Refused(refusal)));
+            }
+            Verdict::Adopted | Verdict::Refused(_) | Verdict::Old | Verdict::Kept => {}
+        }
+        self.report(out);
+    }
+
+    /// A new revision is followed: what was left of the old way is given up.
+    fn adopted(&mut self, progress: Progress, out: &mut Vec<Out>) {
+        self.finished = false;
+        if let Some(state) = &self.state {
+            self.pilot.give_up(state.pose.at.into());
+        }
+        out.push(Out::Accepted(progress.run, progress.revision));
+        out.push(Out::Remark(Remark::Adopted(progress.run, progress.revision)));
+    }
+
+    fn order(&mut self, now: Time, order: Order, out: &mut Vec<Out>) {
+        match order.kind {
+            OrderKind::Start => {
+                if let Some(follower) = &mut self.follower {
+                    follower.resume();
+                }
+                self.wanted = Wanted::Following;
+            }
+            OrderKind::Hold | OrderKind::Land | OrderKind::Emergency => {
+                self.wanted = Wanted::Held;
+                self.stop(now, out);
+            }
+            OrderKind::Return => {
+                self.wanted = Wanted::Returning { under_way: false };
+                self.stop(now, out);
+            }
+        }
+        self.go_on(now, out);
+    }
+
+    fn stop(&mut self, now: Time, out: &mut Vec<Out>) {
+        self.pilot.halted(now);
+        out.push(Out::Command(Command::Hold));
+    }
+
+    fn remark(&mut self, now: Time, remark: &vehicle::Remark) {
+        match remark {
+            vehicle::Remark::Halted { .. } | vehicle::Remark::Refused(_) => self.pilot.halted(now),
+            vehicle::Remark::AutopilotSilent => {}
+        }
+    }
+
+    /// Says progress and what is measured for, when they have changed.
+    fn report(&mut self, out: &mut Vec<Out>) {
+        let Some(follower) = &self.follower else { return };
+        let progress = follower.progress();
+        if progress != self.said {
+            if (progress.run, progress.revision) != (self.said.run, self.said.revision) {
+                self.adopted(progress, out);
+            }
+            self.said = progress;
+            out.push(Out::Progress(progress));
+        }
+        let following = self.wanted == Wanted::Following;
+        let finished = self.follower.as_ref().is_some_and(Follower::finished);
+        if finished && !self.finished && progress.run != RunId::default() {
+            self.finished = true;
+            out.push(Out::Remark(Remark::Finished(progress.run)));
+        }
+        let measure = (following && !finished && progress.run != RunId::default()).then_some(progress.run);
+        if measure != self.said_measure {
+            self.said_measure = measure;
+            out.push(Out::Measure(measure));
+        }
+    }
+
+    /// The pilot wants to be woken only while something is being driven.
+    fn pilot_deadline(&self) -> Option<Deadline> {
+        match self.wanted {
+            Wanted::Following | Wanted::Returning { under_way: true } => self.pilot.deadline(),
+            Wanted::Waiting | Wanted::Held | Wanted::Returning { under_way: false } => None,
+        }
+    }
+
+    fn dwell_deadline(&self) -> Option<Deadline> {
+        let following = self.wanted == Wanted::Following;
+        self.follower.as_ref().filter(|_| following).and_then(Follower::deadline)
+    }
+}
+
+impl Actor for Mission {
+    type In = In;
+    type Out = Out;
+
+    fn handle(&mut self, now: Time, input: In, out: &mut Vec<Out>) -> Result<(), Fault> {
+        match input {
+            In::State(state) => self.state(now, state, out),
+            In::Peer(state) => self.peer(now, &state),
+            In::Tiles(tiles) => self.pilot.learn(&tiles),
+            In::Plan(plan) => self.plan(&plan, out),
+            In::Progress(progress) => {
+                if let Some(follower) = &mut self.follower {
+                    follower.hear(now, &progress);
+                    self.report(out);
+                }
+            }
+            In::Order(order) => self.order(now, order, out),
+            In::Remark(remark) => self.remark(now, &remark),
+        }
+        Ok(())
+    }
+
+    fn deadline(&self) -> Option<Deadline> {
+        let repeat = Some(Deadline { at: self.repeat_at, why: "repeat progress" });
+        [repeat, self.dwell_deadline(), self.pilot_deadline()].into_iter().fold(None, Deadline::earlier)
+    }
+
+    fn wake(&mut self, now: Time, out: &mut Vec<Out>) -> Result<(), Fault> {
+        if self.repeat_at <= now {
+            self.repeat_at = now + REPEAT_EVERY;
+            out.push(Out::Progress(self.said));
+        }
+        self.go_on(now, out);
+        Ok(())
+    }
+}
+
+/// Which inputs replace unread ones.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub enum Key {
+    /// The own state.
+    State,
+    /// The state of one peer.
+    Peer(VehicleId),
+    /// The plan of one vehicle.
+    Plan(VehicleId),
+}
+
+impl Input for In {
+    type Key = Key;
+
+    fn class(&self) -> Class<Key> {
+        match self {
+            In::State(_) => Class::Latest(Key::State),
+            In::Peer(state) => Class::Latest(Key::Peer(state.vehicle)),
+            In::Plan(plan) => Class::Latest(Key::Plan(plan.vehicle)),
+            In::Tiles(_) | In::Progress(_) | In::Order(_) | In::Remark(_) => Class::Queue,
+        }
+    }
+
+    fn join(unread: In, newer: In) -> In {
+        let edition = |plan: &Plan| (plan.run, plan.revision);
+        match (unread, newer) {
+            (In::Plan(unread), In::Plan(newer)) if edition(&unread) > edition(&newer) => In::Plan(unread),
+            (_, newer) => newer,
+        }
+    }
+}

@@ -1,0 +1,334 @@
+//! Brings the vehicle along its way: *look before you drive*, look around where something is unknown, and
+//! plan anew around what blocks the way. It knows the map and the vehicle, but no plan and no peer's progress.
+//!
+//! ```text
+//!   Driving ─release ends at unknown, at rest─► Looking ─seen─► Driving
+//!      │  ▲                                        └─everything looked at─► Planning (unknown counts as barred)
+//!      │  └─────────── path ready ── Planning ◄── release ends at an obstacle
+//!      └─ end of the way reached ─► at rest
+//! ```
+
+use std::time::Duration;
+
+use tomoswarm_proto::{Mode, State, StopId, TileReport};
+
+use super::super::Settings;
+use super::super::vehicle::Command;
+use super::look::{Look, Next};
+use super::way::Way;
+use crate::geom::{Point, Pose, Rect, Segment};
+use crate::map::{CellRect, Merged};
+use crate::plan::{Corridor, Grid, Release, Rules, shortest_route};
+use crate::time::{Deadline, Time};
+
+/// How far ahead the strip is judged, metres.
+const AHEAD_M: f64 = 4.0;
+/// A command must lead at least this far, unless it ends the way, metres.
+const GO_M: f64 = 0.3;
+/// A command is renewed when less than this is left of it and more is released, metres.
+const RENEW_M: f64 = 1.0;
+/// A command that leads this much further than is released is shortened, metres.
+const SHORTEN_M: f64 = 0.05;
+/// At rest this near to the end, the end is reached, metres.
+const ARRIVED_M: f64 = 0.35;
+/// Between what is released and where the command ends, metres.
+const BACKOFF_M: f64 = 0.02;
+/// After a command that had no effect, wait this long.
+const RETRY_AFTER: Duration = Duration::from_millis(600);
+/// After a search without a result, wait this long.
+const SEARCH_AGAIN: Duration = Duration::from_secs(3);
+/// Paths are searched in a rectangle this much larger than start and goal, metres.
+const SEARCH_MARGIN_M: f64 = 6.0;
+/// A vehicle too near to something may leave it this far, metres.
+const ESCAPE_M: f64 = 1.0;
+
+/// What the pilot met.
+#[derive(Clone, PartialEq, Debug)]
+pub enum Met {
+    /// A stop was passed or reached.
+    Stop(StopId),
+    /// The way is looked at, since something on it is unknown.
+    Looks(Point),
+    /// Something stands on the way; a path around it is searched.
+    Blocked(Point),
+    /// A path was found; its length, metres.
+    Path(f64),
+    /// There is no path, at least not now.
+    NoPath(String),
+}
+
+#[derive(Clone, Debug)]
+enum Doing {
+    Driving,
+    Looking(Look),
+    /// A path search that takes its time: the corners, and how many corners of the way they replace.
+    Planning {
+        ready: Time,
+        found: Option<(usize, Vec<Point>)>,
+    },
+    Waiting {
+        until: Time,
+    },
+}
+
+/// Drives along a way.
+#[derive(Clone, Debug)]
+pub struct Pilot {
+    settings: Settings,
+    map: Merged,
+    way: Way,
+    doing: Doing,
+    /// Odometer at the end of the standing command, metres.
+    commanded_m: Option<f64>,
+    commanded_at: Time,
+    /// Unknown cells count as barred in the next search: looking did not help.
+    looked: bool,
+    /// Peers that stand, and are planned around.
+    peers: Vec<Point>,
+}
+
+impl Pilot {
+    /// Makes a pilot that knows nothing of the world.
+    pub fn new(settings: Settings) -> Pilot {
+        Pilot {
+            map: Merged::new(settings.lattice, None),
+            settings,
+            way: Way::default(),
+            doing: Doing::Driving,
+            commanded_m: None,
+            commanded_at: Time::ZERO,
+            looked: false,
+            peers: Vec::new(),
+        }
+    }
+
+    /// Takes tiles of the map actor.
+    pub fn learn(&mut self, tiles: &[TileReport]) {
+        for tile in tiles {
+            // The map actor has checked them; one that is known already changes nothing.
+            let _ = self.map.join(tile);
+        }
+    }
+
+    /// Gives the way ahead.
+    pub fn way(&self) -> &Way {
+        &self.way
+    }
+
+    /// Adds a leg at the end of the way.
+    pub fn append(&mut self, route: impl IntoIterator<Item = Point>, to: Point, stop: Option<StopId>) {
+        self.way.append(route, to, stop);
+    }
+
+    /// Gives up the way, and whatever was being done about it.
+    pub fn give_up(&mut self, place: Point) {
+        self.way.clear(place);
+        self.doing = Doing::Driving;
+        self.commanded_m = None;
+    }
+
+    /// Takes where peers stand, to be planned around.
+    pub fn keep_clear_of(&mut self, peers: Vec<Point>) {
+        self.peers = peers;
+    }
+
+    /// Begins the way home, over what is known to be free if it can be.
+    pub fn go_home(&mut self, now: Time, state: &State) {
+        let pose = Pose::from(state.pose);
+        self.give_up(pose.at);
+        self.way.append([], self.settings.home, None);
+        self.looked = true;
+        self.search(now, pose);
+    }
+
+    /// Begins a way at a place; only at rest.
+    pub fn begin_at(&mut self, place: Point) {
+        if self.way.is_empty() {
+            self.way.clear(place);
+        }
+    }
+
+    /// Forgets the standing command: the vehicle was stopped.
+    pub fn halted(&mut self, now: Time) {
+        self.commanded_m = None;
+        self.commanded_at = now;
+    }
+
+    /// Gives when to be asked again without any input.
+    pub fn deadline(&self) -> Option<Deadline> {
+        match &self.doing {
+            Doing::Planning { ready, .. } => Some(Deadline { at: *ready, why: "path ready" }),
+            Doing::Waiting { until } => Some(Deadline { at: *until, why: "search again" }),
+            Doing::Driving | Doing::Looking(_) => None,
+        }
+    }
+
+    /// Goes on with what the vehicle says of itself; gives a command, if one is due.
+    pub fn advance(&mut self, now: Time, state: &State, met: &mut Vec<Met>) -> Option<Command> {
+        let pose = Pose::from(state.pose);
+        let resting = !matches!(state.mode, Mode::Driving | Mode::Turning);
+        met.extend(self.way.pass(pose.at).into_iter().map(Met::Stop));
+        if resting && self.way.end().distance_to(pose.at) <= ARRIVED_M && self.is_settled(now) {
+            met.extend(self.way.arrive().into_iter().map(Met::Stop));
+        }
+        if self.way.is_empty() {
+            self.commanded_m = None;
+            self.doing = Doing::Driving;
+            return None;
+        }
+        match &mut self.doing {
+            Doing::Driving => self.drive(now, pose, resting, met),
+            Doing::Looking(_) => self.look(now, pose, resting, met),
+            Doing::Planning { .. } => self.take_path(now, pose, met),
+            Doing::Waiting { until } => {
+                if now >= *until {
+                    self.doing = Doing::Driving;
+                }
+                None
+            }
+        }
+    }
+
+    /// Tells whether the last command has had time to show in the state.
+    fn is_settled(&self, now: Time) -> bool {
+        now.since(self.commanded_at) >= RETRY_AFTER
+    }
+
+    fn release(&self, pose: Pose) -> Release {
+        let points = self.way.points();
+        let half_width_m = self.half_width_m(pose);
+        let view = self.map.view(self.settings.slice, self.around(pose.at, AHEAD_M + 2.0));
+        Corridor { half_width_m, ahead_m: AHEAD_M }.released(&view, &points, pose.at)
+    }
+
+    fn half_width_m(&self, pose: Pose) -> f64 {
+        self.settings.corridor_m(pose.sd_m) + self.settings.lattice.cell_m() * std::f64::consts::FRAC_1_SQRT_2
+    }
+
+    fn around(&self, place: Point, margin_m: f64) -> CellRect {
+        CellRect::covering(self.settings.lattice, Rect::new(place, place).shrunk(-margin_m))
+    }
+
+    fn drive(&mut self, now: Time, pose: Pose, resting: bool, met: &mut Vec<Met>) -> Option<Command> {
+        let release = self.release(pose);
+        let whole_m = self.way.length_m();
+        let ends_way = release.free_until_m >= whole_m - 1e-6;
+        let until_m = if ends_way { whole_m } else { release.free_until_m - BACKOFF_M };
+        let left_m = self.commanded_m.map(|odometer_m| self.way.along_m(odometer_m) - release.here_m);
+        let goes_m = until_m - release.here_m;
+        if let Some(left_m) = left_m.filter(|_| !resting) {
+            if left_m > goes_m + SHORTEN_M {
+                return self.command(now, pose, release.here_m, until_m.max(release.here_m));
+            }
+            let renew = left_m < RENEW_M && goes_m > left_m + GO_M.min(0.5 * AHEAD_M);
+            let ends = left_m < RENEW_M && ends_way && goes_m > left_m + 0.05;
+            return (renew || ends).then(|| self.command(now, pose, release.here_m, until_m)).flatten();
+        }
+        if !self.is_settled(now) {
+            return None;
+        }
+        if goes_m >= GO_M || (ends_way && goes_m > 0.0) {
+            self.looked = false;
+            return self.command(now, pose, release.here_m, until_m);
+        }
+        resting.then(|| self.overcome(now, pose, &release, met)).flatten()
+    }
+
+    /// Commands the route to a length along the way.
+    fn command(&mut self, now: Time, pose: Pose, here_m: f64, until_m: f64) -> Option<Command> {
+        let route = self.way.until(pose.at, here_m, until_m);
+        self.commanded_at = now;
+        if route.len() < 2 {
+            self.commanded_m = None;
+            return Some(Command::Hold);
+        }
+        self.commanded_m = Some(self.way.odometer_m(until_m));
+        let stop = self.way.ahead().find_map(|corner| corner.stops.first().copied());
+        Some(Command::Drive { stop, route })
+    }
+
+    /// At rest, and nothing is released: looks at what is unknown, or plans around what is in the way.
+    fn overcome(&mut self, now: Time, pose: Pose, release: &Release, met: &mut Vec<Met>) -> Option<Command> {
+        let blocked_m = release.blocked_at_m.unwrap_or(f64::INFINITY);
+        match release.unknown.filter(|_| release.unknown_at_m.is_some_and(|at_m| at_m <= blocked_m)) {
+            Some(unknown) if !self.looked => {
+                met.push(Met::Looks(unknown));
+                let look = Look::toward(pose.at.angle_to(unknown), now);
+                self.doing = Doing::Looking(look);
+                self.commanded_at = now;
+                Some(Command::Turn(look.heading()))
+            }
+            unknown => {
+                met.push(Met::Blocked(release.blocked.or(unknown).unwrap_or(pose.at)));
+                self.search(now, pose);
+                None
+            }
+        }
+    }
+
+    fn look(&mut self, now: Time, pose: Pose, resting: bool, met: &mut Vec<Met>) -> Option<Command> {
+        let release = self.release(pose);
+        let Doing::Looking(look) = &mut self.doing else { return None };
+        if resting && release.ahead_m() >= GO_M {
+            self.doing = Doing::Driving;
+            return self.drive(now, pose, resting, met);
+        }
+        let cycle = self.settings.look.period * self.settings.look.beams.len() as u32;
+        match look.next(now, pose.heading, resting, cycle * 3) {
+            Next::Turn(heading) => {
+                self.commanded_at = now;
+                Some(Command::Turn(heading))
+            }
+            Next::Stay => None,
+            Next::Over => {
+                self.looked = true;
+                self.doing = Doing::Driving;
+                None
+            }
+        }
+    }
+
+    /// Searches a path to the nearest corner ahead that can be reached; the result may be used later.
+    fn search(&mut self, now: Time, pose: Pose) {
+        let rules = Rules { escape_m: ESCAPE_M, ..Rules::default() };
+        let mut found = None;
+        for (index, corner) in self.way.ahead().enumerate() {
+            if let Some(points) = self.path(pose, corner.at, &rules) {
+                found = Some((index + 1, points));
+                break;
+            }
+        }
+        self.doing = Doing::Planning { ready: now + self.settings.path_time, found };
+    }
+
+    fn path(&self, pose: Pose, goal: Point, rules: &Rules) -> Option<Vec<Point>> {
+        let area = CellRect::around(self.settings.lattice, &[pose.at, goal], SEARCH_MARGIN_M)?;
+        let view = self.map.view(self.settings.slice, area);
+        let mut grid = Grid::of_map(&view, area, self.half_width_m(pose), !self.looked).ok()?;
+        let (fence, radius_m) = (&self.settings.fence, self.settings.body.radius_m);
+        grid.close_where(|place| !fence.contains_disc(place, radius_m));
+        for peer in &self.peers {
+            grid.close_within(Segment::new(*peer, *peer), self.settings.safety.separation_m);
+        }
+        shortest_route(&grid, pose.at, goal, rules).ok().map(|route| route.points)
+    }
+
+    fn take_path(&mut self, now: Time, pose: Pose, met: &mut Vec<Met>) -> Option<Command> {
+        let Doing::Planning { ready, found } = &mut self.doing else { return None };
+        if now < *ready {
+            return None;
+        }
+        let Some((count, points)) = found.take() else {
+            met.push(Met::NoPath("nothing ahead can be reached over what is known".to_owned()));
+            self.looked = false;
+            self.doing = Doing::Waiting { until: now + SEARCH_AGAIN };
+            return None;
+        };
+        let length_m = points.windows(2).map(|pair| Segment::new(pair[0], pair[1]).length_m()).sum();
+        met.push(Met::Path(length_m));
+        self.way.replace(pose.at, count, &points[1..]);
+        self.commanded_m = None;
+        self.doing = Doing::Driving;
+        None
+    }
+}

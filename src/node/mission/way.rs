@@ -1,0 +1,180 @@
+//! The way ahead of a vehicle: corners still to be passed, some of them stops, measured by an odometer
+//! that never goes back. Pure bookkeeping; what is free or wise is decided elsewhere.
+
+use std::collections::VecDeque;
+
+use tomoswarm_proto::StopId;
+
+use crate::geom::{Point, Segment};
+
+/// A corner within this distance counts as passed, metres.
+const PASSED_M: f64 = 0.12;
+/// A corner beside which the vehicle has come counts as passed up to this far away, metres.
+const BESIDE_M: f64 = 0.6;
+
+/// A corner of the way.
+#[derive(Clone, PartialEq, Debug)]
+pub struct Corner {
+    /// Where it is.
+    pub at: Point,
+    /// Stops that are done when it is passed; more than one when a stop before it could not be reached.
+    pub stops: Vec<StopId>,
+}
+
+/// The way ahead.
+#[derive(Clone, Debug, Default)]
+pub struct Way {
+    /// The corner passed last: where the present piece begins.
+    behind: Point,
+    ahead: VecDeque<Corner>,
+    /// Odometer at `behind`, metres.
+    behind_m: f64,
+}
+
+impl Way {
+    /// Makes a way without corners, at a place.
+    pub fn at(place: Point) -> Way {
+        Way { behind: place, ahead: VecDeque::new(), behind_m: 0.0 }
+    }
+
+    /// Tells whether nothing is ahead.
+    pub fn is_empty(&self) -> bool {
+        self.ahead.is_empty()
+    }
+
+    /// Gives the corners ahead.
+    pub fn ahead(&self) -> impl Iterator<Item = &Corner> {
+        self.ahead.iter()
+    }
+
+    /// Gives the end of the way.
+    pub fn end(&self) -> Point {
+        self.ahead.back().map_or(self.behind, |corner| corner.at)
+    }
+
+    /// Adds a leg to a stop at the end.
+    pub fn append(&mut self, route: impl IntoIterator<Item = Point>, to: Point, stop: Option<StopId>) {
+        self.ahead.extend(route.into_iter().map(|at| Corner { at, stops: Vec::new() }));
+        self.ahead.push_back(Corner { at: to, stops: stop.into_iter().collect() });
+    }
+
+    /// Replaces the first `count` corners ahead by other ones that lead from `from` to the last of them;
+    /// their stops are done at its end.
+    pub fn replace(&mut self, from: Point, count: usize, corners: &[Point]) {
+        let replaced: Vec<Corner> = self.ahead.drain(..count.min(self.ahead.len())).collect();
+        let stops: Vec<StopId> = replaced.into_iter().flat_map(|corner| corner.stops).collect();
+        for (index, at) in corners.iter().enumerate().rev() {
+            let last = index + 1 == corners.len();
+            let stops = if last { stops.clone() } else { Vec::new() };
+            self.ahead.push_front(Corner { at: *at, stops });
+        }
+        self.behind = from;
+    }
+
+    /// Forgets everything ahead.
+    pub fn clear(&mut self, place: Point) {
+        *self = Way { behind: place, ahead: VecDeque::new(), behind_m: self.behind_m };
+    }
+
+    /// Takes the place where the vehicle is; gives the stops that it has passed by that.
+    pub fn pass(&mut self, place: Point) -> Vec<StopId> {
+        let mut passed = Vec::new();
+        while let Some(next) = self.ahead.front() {
+            let piece = Segment::new(self.behind, next.at);
+            let off_m = next.at.distance_to(place);
+            let beside = piece.nearest_share(place) >= 1.0 && off_m <= BESIDE_M && self.ahead.len() > 1;
+            if off_m > PASSED_M && !beside {
+                break;
+            }
+            passed.extend(next.stops.iter().copied());
+            self.behind_m += piece.length_m();
+            self.behind = next.at;
+            self.ahead.pop_front();
+        }
+        passed
+    }
+
+    /// Ends the way here: the vehicle rests near enough to the end; gives the stops passed by that.
+    pub fn arrive(&mut self) -> Vec<StopId> {
+        let passed = self.ahead.iter().flat_map(|corner| corner.stops.iter().copied()).collect();
+        let end = self.end();
+        self.behind_m += self.length_m();
+        self.behind = end;
+        self.ahead.clear();
+        passed
+    }
+
+    /// Gives the corners from the one passed last to the end.
+    pub fn points(&self) -> Vec<Point> {
+        std::iter::once(self.behind).chain(self.ahead.iter().map(|corner| corner.at)).collect()
+    }
+
+    /// Gives the odometer at a length along [`Way::points`], metres.
+    pub fn odometer_m(&self, along_m: f64) -> f64 {
+        self.behind_m + along_m
+    }
+
+    /// Gives the length along [`Way::points`] at an odometer value, metres.
+    pub fn along_m(&self, odometer_m: f64) -> f64 {
+        odometer_m - self.behind_m
+    }
+
+    /// Gives the whole length, metres.
+    pub fn length_m(&self) -> f64 {
+        self.points().windows(2).map(|pair| pair[0].distance_to(pair[1])).sum()
+    }
+
+    /// Gives the corners from a place on the way to a length along it: a route to command.
+    pub fn until(&self, from: Point, here_m: f64, until_m: f64) -> Vec<Point> {
+        let mut route = vec![from];
+        let mut start_m = 0.0;
+        for pair in self.points().windows(2) {
+            let length_m = pair[0].distance_to(pair[1]);
+            let end_m = start_m + length_m;
+            if end_m > here_m && start_m < until_m && length_m > 0.0 {
+                let share = ((until_m - start_m) / length_m).min(1.0);
+                route.push(pair[0].toward(pair[1], share));
+            }
+            start_m = end_m;
+        }
+        route
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn way() -> Way {
+        let mut way = Way::at(Point::new(0.0, 0.0));
+        way.append([Point::new(1.0, 0.0)], Point::new(2.0, 0.0), Some(StopId(1)));
+        way.append([], Point::new(2.0, 3.0), Some(StopId(2)));
+        way
+    }
+
+    #[test]
+    fn stops_are_passed_in_order_and_the_odometer_grows() {
+        let mut way = way();
+        assert!(way.pass(Point::new(1.05, 0.0)).is_empty());
+        assert_eq!(way.pass(Point::new(2.1, 0.05)), [StopId(1)]);
+        assert_eq!(way.odometer_m(0.0), 2.0);
+        assert_eq!(way.pass(Point::new(2.0, 2.0)), []);
+        assert_eq!(way.arrive(), [StopId(2)]);
+        assert_eq!(way.odometer_m(0.0), 5.0);
+        assert!(way.is_empty());
+    }
+
+    #[test]
+    fn a_stop_that_cannot_be_reached_is_done_at_the_next_corner_reached() {
+        let mut way = way();
+        way.replace(Point::new(0.5, 0.0), 3, &[Point::new(0.5, 3.0), Point::new(2.0, 3.0)]);
+        assert_eq!(way.pass(Point::new(0.5, 2.95)), []);
+        assert_eq!(way.pass(Point::new(2.0, 3.0)), [StopId(1), StopId(2)]);
+    }
+
+    #[test]
+    fn a_route_is_cut_where_the_release_ends() {
+        let route = way().until(Point::new(0.5, 0.0), 0.5, 3.5);
+        assert_eq!(route, [(0.5, 0.0), (1.0, 0.0), (2.0, 0.0), (2.0, 1.5)].map(|(x, y)| Point::new(x, y)));
+    }
+}

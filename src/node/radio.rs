@@ -1,0 +1,349 @@
+//! The radio actor: beacons in turn by a token ring without common clocks, and samples of what is heard.
+//!
+//! It is told what the radio driver heard, where the vehicle is, how far the mission is, and for which run to
+//! measure. It says
+//! beacons, samples, and peers' progress. It never waits for the bus: a gap costs samples, nothing else.
+//!
+//! Members of the ring are the ids heard, or listed in a heard beacon, in the last 5 s, and oneself, ascending.
+//! After hearing m, member k speaks in slot distance(m, k) · T plus jitter; each newly heard beacon restarts
+//! the wait; own silence is at most (members + 1) · T.
+//!
+//! ```text
+//!   Waiting ─own slot─► speak ─► Waiting (silence limit)      Waiting ─beacon heard─► Waiting (slot after it)
+//! ```
+//!
+//! Deadline: `own slot`.
+
+use std::collections::BTreeMap;
+use std::time::Duration;
+
+use tomoswarm_proto::{Beacon, Boot, PoseReport, Progress, RunId, Sample, State, VehicleId};
+
+use super::Settings;
+use super::sensor::carried_on;
+use crate::actor::{Actor, Class, Fault, Input};
+use crate::geom::Pose;
+use crate::time::{Deadline, Time};
+
+/// Members not heard of for this long leave the ring.
+const MEMBER_FOR: Duration = Duration::from_secs(5);
+/// A gap of more beacons than this is a new start, not that many misses.
+const MISSES_MAX: u64 = 200;
+
+/// A beacon that came in.
+#[derive(Clone, PartialEq, Debug)]
+pub struct Heard {
+    /// What it said.
+    pub beacon: Beacon,
+    /// Received signal strength, dBm.
+    pub rssi_dbm: i16,
+}
+
+/// What the radio actor can be told.
+#[derive(Clone, PartialEq, Debug)]
+pub enum In {
+    /// A beacon came in.
+    Heard(Heard),
+    /// Where the vehicle is.
+    State(State),
+    /// How far the mission is.
+    Progress(Progress),
+    /// For which run to measure; `None` = not at all.
+    Measure(Option<RunId>),
+}
+
+/// What the radio actor can say.
+#[derive(Clone, PartialEq, Debug)]
+pub enum Out {
+    /// Send this.
+    Transmit(Beacon),
+    /// A beacon heard, or missed, in a run.
+    Sample(RunId, Sample),
+    /// How far a peer is with its plan.
+    Peer(Progress),
+}
+
+/// The radio actor.
+#[derive(Clone, Debug)]
+pub struct Radio {
+    settings: Settings,
+    state: Option<(Time, State)>,
+    progress: Progress,
+    measures: Option<RunId>,
+    /// When each member was last heard, or heard of.
+    members: BTreeMap<VehicleId, Time>,
+    heard: BTreeMap<VehicleId, Last>,
+    sequence: u64,
+    samples: BTreeMap<RunId, u64>,
+    slot_at: Time,
+}
+
+/// The last beacon of a peer.
+#[derive(Clone, Copy, Debug)]
+struct Last {
+    boot: Boot,
+    sequence: u64,
+    pose: PoseReport,
+}
+
+impl Radio {
+    /// Makes the actor; it speaks for the first time after its own share of the first round.
+    pub fn new(settings: Settings) -> Radio {
+        let slot_at = Time::ZERO + settings.radio.slot * (1 + u32::from(settings.vehicle.0));
+        let progress = Progress { vehicle: settings.vehicle, ..Progress::default() };
+        Radio {
+            settings,
+            state: None,
+            progress,
+            measures: None,
+            members: BTreeMap::new(),
+            heard: BTreeMap::new(),
+            sequence: 0,
+            samples: BTreeMap::new(),
+            slot_at,
+        }
+    }
+
+    fn heard(&mut self, now: Time, heard: Heard, out: &mut Vec<Out>) {
+        let beacon = heard.beacon;
+        if beacon.sender == self.settings.vehicle {
+            return;
+        }
+        let own = self.settings.vehicle;
+        for member in beacon.members.iter().chain([&beacon.sender]).filter(|member| **member != own) {
+            self.members.insert(*member, now);
+        }
+        out.push(Out::Peer(beacon.progress));
+        self.sample(now, &beacon, heard.rssi_dbm, out);
+        let last = Last { boot: beacon.boot, sequence: beacon.sequence, pose: beacon.pose };
+        self.heard.insert(beacon.sender, last);
+        self.slot_at = now + self.wait_after(now, beacon.sender);
+    }
+
+    /// Gives how long to wait after a member has spoken: its distance in the ring, in slots.
+    fn wait_after(&mut self, now: Time, speaker: VehicleId) -> Duration {
+        self.members.retain(|_, at| now.since(*at) <= MEMBER_FOR);
+        let own = self.settings.vehicle;
+        let between = |from: VehicleId, to: VehicleId| {
+            self.members.keys().filter(|member| **member > from && **member < to).count()
+        };
+        let distance = if speaker < own {
+            between(speaker, own) + 1
+        } else {
+            self.members.len() - between(own, speaker)
+        };
+        self.settings.radio.slot * distance as u32 + self.jitter()
+    }
+
+    /// Gives up to a tenth of a slot, different for every beacon, so that a collision is not repeated.
+    fn jitter(&self) -> Duration {
+        let mixed = (self.sequence.wrapping_mul(31) + u64::from(self.settings.vehicle.0))
+            .wrapping_mul(0x9E37_79B9_7F4A_7C15);
+        self.settings.radio.slot * ((mixed >> 56) as u32) / 2560
+    }
+
+    fn sample(&mut self, now: Time, beacon: &Beacon, rssi_dbm: i16, out: &mut Vec<Out>) {
+        let Some(receiver_pose) = self.pose(now) else { return };
+        let Some(run) = self.measures else { return };
+        if beacon.progress.run != run {
+            return; // the two are not of one run: nobody would know what was measured
+        }
+        let missed = self.misses(beacon);
+        let last_pose = self.heard.get(&beacon.sender).map_or(beacon.pose, |last| last.pose);
+        for share in 1..=missed {
+            let along = share as f64 / (missed + 1) as f64;
+            let transmitter_pose = between(last_pose, beacon.pose, along);
+            self.say(now, run, beacon, transmitter_pose, receiver_pose, None, out);
+        }
+        if beacon.pose.sd_m <= self.settings.safety.pose_sd_max_m {
+            self.say(now, run, beacon, beacon.pose, receiver_pose, Some(rssi_dbm), out);
+        }
+    }
+
+    /// Gives how many beacons of the sender were missed since the last one heard.
+    fn misses(&self, beacon: &Beacon) -> u64 {
+        let Some(last) = self.heard.get(&beacon.sender) else { return 0 };
+        let gap = beacon.sequence.saturating_sub(last.sequence).saturating_sub(1);
+        if last.boot == beacon.boot && gap <= MISSES_MAX { gap } else { 0 }
+    }
+
+    #[allow(clippy::too_many_arguments, reason = "one sample is made of all of these")]
+    fn say(
+        &mut self,
+        now: Time,
+        run: RunId,
+        beacon: &Beacon,
+        transmitter_pose: PoseReport,
+        receiver_pose: Pose,
+        rssi_dbm: Option<i16>,
+        out: &mut Vec<Out>,
+    ) {
+        let count = self.samples.entry(run).or_default();
+        let sample = Sample {
+            sequence: *count,
+            heard_at_ns: now.as_nanos(),
+            transmitter: beacon.sender,
+            transmitter_pose,
+            receiver_pose: receiver_pose.into(),
+            channel: beacon.channel,
+            power_dbm: beacon.power_dbm,
+            rssi_dbm,
+        };
+        *count += 1;
+        out.push(Out::Sample(run, sample));
+    }
+
+    /// Gives the pose now, carried on from the last state; `None` when it is not known well enough.
+    fn pose(&self, now: Time) -> Option<Pose> {
+        let (at, state) = self.state.as_ref()?;
+        let pose = carried_on(Pose::from(state.pose), state.speed_mps, now.since(*at))?;
+        (pose.sd_m <= self.settings.safety.pose_sd_max_m).then_some(pose)
+    }
+}
+
+fn between(from: PoseReport, to: PoseReport, share: f64) -> PoseReport {
+    let (start, end) = (Pose::from(from), Pose::from(to));
+    Pose { at: start.at.toward(end.at, share), ..end }.into()
+}
+
+impl Actor for Radio {
+    type In = In;
+    type Out = Out;
+
+    fn handle(&mut self, now: Time, input: In, out: &mut Vec<Out>) -> Result<(), Fault> {
+        match input {
+            In::Heard(heard) => self.heard(now, heard, out),
+            In::State(state) => self.state = Some((now, state)),
+            In::Progress(progress) => self.progress = progress,
+            In::Measure(run) => self.measures = run,
+        }
+        Ok(())
+    }
+
+    fn deadline(&self) -> Option<Deadline> {
+        Some(Deadline { at: self.slot_at, why: "own slot" })
+    }
+
+    fn wake(&mut self, now: Time, out: &mut Vec<Out>) -> Result<(), Fault> {
+        self.members.retain(|_, at| now.since(*at) <= MEMBER_FOR);
+        let ring = self.members.len() as u32 + 1;
+        self.slot_at = now + self.settings.radio.slot * (ring + 1);
+        let Some(pose) = self.pose(now) else { return Ok(()) };
+        self.sequence += 1;
+        out.push(Out::Transmit(Beacon {
+            sender: self.settings.vehicle,
+            boot: self.settings.boot,
+            sequence: self.sequence,
+            pose: pose.into(),
+            channel: self.settings.radio.channel,
+            power_dbm: self.settings.radio.power_dbm,
+            members: self.members.keys().copied().collect(),
+            progress: self.progress,
+        }));
+        Ok(())
+    }
+}
+
+impl Input for In {
+    type Key = u8;
+
+    fn class(&self) -> Class<u8> {
+        match self {
+            In::Heard(_) => Class::Queue,
+            In::State(_) => Class::Latest(0),
+            In::Progress(_) => Class::Latest(1),
+            In::Measure(_) => Class::Latest(2),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::tests_support::{settings, state};
+    use super::*;
+
+    /// Lets radios that hear each other perfectly talk for a while; gives who spoke when.
+    fn talk(ids: &[u8], until: Time) -> Vec<(Time, u8, Vec<Out>)> {
+        let mut radios: Vec<Radio> = ids.iter().map(|id| Radio::new(settings(*id))).collect();
+        let mut spoken = Vec::new();
+        loop {
+            let due = radios.iter().map(|radio| radio.deadline().unwrap().at).min().unwrap();
+            if due > until {
+                return spoken;
+            }
+            let who = radios.iter().position(|radio| radio.deadline().unwrap().at == due).unwrap();
+            let mut out = Vec::new();
+            for (radio, id) in radios.iter_mut().zip(ids) {
+                radio.handle(due, In::State(state(*id, f64::from(*id), 0.0)), &mut out).unwrap();
+                let progress = Progress { vehicle: VehicleId(*id), run: RunId(1), ..Progress::default() };
+                radio.handle(due, In::Progress(progress), &mut out).unwrap();
+            }
+            radios[who].wake(due, &mut out).unwrap();
+            let Some(Out::Transmit(beacon)) = out.pop() else { continue };
+            for (index, radio) in radios.iter_mut().enumerate().filter(|(index, _)| *index != who) {
+                let heard = Heard { beacon: beacon.clone(), rssi_dbm: -50 };
+                let mut said = Vec::new();
+                radio.handle(due + Duration::from_millis(2), In::Heard(heard), &mut said).unwrap();
+                spoken.push((due, ids[index], said));
+            }
+            spoken.push((due, ids[who], vec![Out::Transmit(beacon)]));
+        }
+    }
+
+    fn speakers(spoken: &[(Time, u8, Vec<Out>)]) -> Vec<u8> {
+        let sent = |(_, id, out): &(Time, u8, Vec<Out>)| matches!(out[..], [Out::Transmit(_)]).then_some(*id);
+        spoken.iter().filter_map(sent).collect()
+    }
+
+    #[test]
+    fn members_speak_in_turn() {
+        let spoken = talk(&[2, 5, 9], Time::from_secs_f64(3.0));
+        let order = speakers(&spoken);
+        let steady = &order[order.len() - 9..];
+        for three in steady.windows(3) {
+            let mut sorted = three.to_vec();
+            sorted.sort_unstable();
+            assert_eq!(sorted, [2, 5, 9], "{order:?}");
+        }
+        assert!(order.len() > 45, "{} beacons in 3 s", order.len());
+    }
+
+    #[test]
+    fn every_beacon_heard_is_a_sample_and_every_gap_a_miss() {
+        let mut radio = Radio::new(settings(1));
+        let mut out = Vec::new();
+        radio.handle(Time::ZERO, In::State(state(1, 0.0, 0.0)), &mut out).unwrap();
+        let progress = Progress { vehicle: VehicleId(1), run: RunId(4), ..Progress::default() };
+        radio.handle(Time::ZERO, In::Progress(progress), &mut out).unwrap();
+        radio.handle(Time::ZERO, In::Measure(Some(RunId(4))), &mut out).unwrap();
+        for (sequence, x_m) in [(7, 0.0), (10, 3.0)] {
+            let beacon = Beacon {
+                sender: VehicleId(2),
+                boot: Boot(1),
+                sequence,
+                pose: state(2, x_m, 0.0).pose,
+                channel: 11,
+                power_dbm: 0,
+                members: vec![],
+                progress: Progress { vehicle: VehicleId(2), run: RunId(4), ..Progress::default() },
+            };
+            let heard = Heard { beacon, rssi_dbm: -61 };
+            radio.handle(Time::ZERO, In::Heard(heard), &mut out).unwrap();
+        }
+        let samples: Vec<(u64, f64, Option<i16>)> = out
+            .iter()
+            .filter_map(|out| match out {
+                Out::Sample(_, sample) => {
+                    Some((sample.sequence, sample.transmitter_pose.at.x_m, sample.rssi_dbm))
+                }
+                Out::Transmit(_) | Out::Peer(_) => None,
+            })
+            .collect();
+        assert_eq!(samples, [(0, 0.0, Some(-61)), (1, 1.0, None), (2, 2.0, None), (3, 3.0, Some(-61))]);
+    }
+
+    #[test]
+    fn a_lone_radio_keeps_speaking() {
+        assert!(speakers(&talk(&[3], Time::from_secs_f64(1.0))).len() >= 8);
+    }
+}

@@ -1,0 +1,158 @@
+//! Who hears whom inside a vehicle: the only place that knows.
+//!
+//! ```text
+//!  range driver ─Echo─► sensor ──Scan──► map ──Tiles──► mission ──Command──► vehicle ─Fly─► autopilot driver
+//!                         └──────Scan (reflex stop)────────────────────────► vehicle
+//!  autopilot driver ─Telemetry─► vehicle ──State──► sensor, mission, radio, bus
+//!  map ──Tiles──► bus                      bus ──peers' Tiles, Digest, Want──► map
+//!  radio driver ─Heard─► radio ──Sample──► outbox ──Samples──► bus
+//!  bus ──Plan, peers' State and Progress──► mission ──Progress──► radio (in beacons), bus
+//!  bus ──Order, peers' State──► vehicle ──Order (once accepted)──► mission
+//! ```
+
+use tomoswarm_proto::{Beacon, Message};
+
+use super::{map, mission, outbox, radio, sensor, vehicle};
+use crate::geom::Angle;
+
+/// What reaches a vehicle from outside.
+#[derive(Clone, Debug)]
+pub enum Event {
+    /// The autopilot driver reports pose and motion.
+    Telemetry(vehicle::Telemetry),
+    /// The range driver answers a ping.
+    Echo(sensor::Echo),
+    /// The radio driver heard a beacon.
+    Heard(radio::Heard),
+    /// The bus delivered a message of another node.
+    Bus(Message),
+}
+
+/// What a vehicle wants done outside.
+#[derive(Clone, PartialEq, Debug)]
+pub enum Effect {
+    /// The autopilot shall move the vehicle.
+    Fly(vehicle::Fly),
+    /// The servo shall point the range sensor, relative to the heading.
+    Steer(Angle),
+    /// The range sensor shall measure.
+    Ping(sensor::Ping),
+    /// The radio shall send a beacon.
+    Transmit(Beacon),
+    /// The bus shall carry a message to the other nodes.
+    Publish(Message),
+    /// Something worth a line in the log.
+    Note(Note),
+}
+
+/// What a vehicle did or met, for logs and the operator.
+#[derive(Clone, PartialEq, Debug)]
+pub enum Note {
+    /// The reflex or the envelope of the vehicle spoke.
+    Vehicle(vehicle::Remark),
+    /// The mission changed what it does.
+    Mission(mission::Remark),
+}
+
+/// Whatever is said inside a vehicle or at its edge.
+#[derive(Debug)]
+pub(super) enum Said {
+    Edge(Event),
+    Vehicle(vehicle::Out),
+    Sensor(sensor::Out),
+    Map(map::Out),
+    Mission(mission::Out),
+    Radio(radio::Out),
+    Outbox(outbox::Out),
+}
+
+/// Where it goes.
+#[derive(Debug)]
+pub(super) enum To {
+    Vehicle(vehicle::In),
+    Sensor(sensor::In),
+    Map(map::In),
+    Mission(mission::In),
+    Radio(radio::In),
+    Outbox(outbox::In),
+    Edge(Effect),
+}
+
+/// Says where something goes; destinations are in the order in which they are told.
+pub(super) fn route(said: Said, to: &mut Vec<To>) {
+    match said {
+        Said::Edge(Event::Telemetry(telemetry)) => to.push(To::Vehicle(vehicle::In::Telemetry(telemetry))),
+        Said::Edge(Event::Echo(echo)) => to.push(To::Sensor(sensor::In::Echo(echo))),
+        Said::Edge(Event::Heard(heard)) => to.push(To::Radio(radio::In::Heard(heard))),
+        Said::Edge(Event::Bus(message)) => route_message(message, to),
+        Said::Vehicle(out) => route_vehicle(out, to),
+        Said::Sensor(sensor::Out::Steer(beam)) => to.push(To::Edge(Effect::Steer(beam))),
+        Said::Sensor(sensor::Out::Ping(ping)) => to.push(To::Edge(Effect::Ping(ping))),
+        Said::Sensor(sensor::Out::Scan(scan)) => {
+            to.push(To::Vehicle(vehicle::In::Scan(scan.clone())));
+            to.push(To::Map(map::In::Scan(scan)));
+        }
+        Said::Map(map::Out::Tiles(tiles)) => to.push(To::Mission(mission::In::Tiles(tiles))),
+        Said::Map(map::Out::Publish(message)) => to.push(To::Edge(Effect::Publish(message))),
+        Said::Mission(out) => route_mission(out, to),
+        Said::Radio(radio::Out::Transmit(beacon)) => to.push(To::Edge(Effect::Transmit(beacon))),
+        Said::Radio(radio::Out::Sample(run, sample)) => {
+            to.push(To::Outbox(outbox::In::Sample((run, sample))));
+        }
+        Said::Radio(radio::Out::Peer(progress)) => to.push(To::Mission(mission::In::Progress(progress))),
+        Said::Outbox(outbox::Out::Publish(samples)) => {
+            to.push(To::Edge(Effect::Publish(Message::Samples(samples))));
+        }
+    }
+}
+
+fn route_message(message: Message, to: &mut Vec<To>) {
+    match message {
+        Message::State(state) => {
+            to.push(To::Vehicle(vehicle::In::Peer(state.clone())));
+            to.push(To::Map(map::In::Peer(state.clone())));
+            to.push(To::Mission(mission::In::Peer(state)));
+        }
+        Message::Tile(report) => to.push(To::Map(map::In::Tile(report))),
+        Message::Digest(digest) => to.push(To::Map(map::In::Digest(digest))),
+        Message::Want(want) => to.push(To::Map(map::In::Want(want))),
+        Message::Plan(plan) => to.push(To::Mission(mission::In::Plan(plan))),
+        Message::Progress(progress) => to.push(To::Mission(mission::In::Progress(progress))),
+        Message::Order(order) => to.push(To::Vehicle(vehicle::In::Order(order))),
+        Message::Have(have) => to.push(To::Outbox(outbox::In::Have(have))),
+        // Samples are the ground's business; beacons come by radio; greetings are the bus's.
+        Message::Samples(_) | Message::Beacon(_) | Message::Hello(_) => {}
+    }
+}
+
+fn route_vehicle(out: vehicle::Out, to: &mut Vec<To>) {
+    match out {
+        vehicle::Out::Fly(fly) => to.push(To::Edge(Effect::Fly(fly))),
+        vehicle::Out::State(state) => {
+            to.push(To::Sensor(sensor::In::State(state.clone())));
+            to.push(To::Radio(radio::In::State(state.clone())));
+            to.push(To::Mission(mission::In::State(state)));
+        }
+        vehicle::Out::Order(order) => to.push(To::Mission(mission::In::Order(order))),
+        vehicle::Out::Publish(state) => to.push(To::Edge(Effect::Publish(Message::State(state)))),
+        vehicle::Out::Remark(remark) => {
+            to.push(To::Mission(mission::In::Remark(remark.clone())));
+            to.push(To::Edge(Effect::Note(Note::Vehicle(remark))));
+        }
+    }
+}
+
+fn route_mission(out: mission::Out, to: &mut Vec<To>) {
+    match out {
+        mission::Out::Command(command) => to.push(To::Vehicle(vehicle::In::Command(command))),
+        mission::Out::Accepted(run, revision) => {
+            to.push(To::Vehicle(vehicle::In::Accepted(run, revision)));
+        }
+        mission::Out::Progress(progress) => {
+            to.push(To::Radio(radio::In::Progress(progress)));
+            to.push(To::Edge(Effect::Publish(Message::Progress(progress))));
+        }
+        mission::Out::Measure(run) => to.push(To::Radio(radio::In::Measure(run))),
+        mission::Out::Remark(remark) => to.push(To::Edge(Effect::Note(Note::Mission(remark)))),
+    }
+}

@@ -1,0 +1,279 @@
+//! The sensor actor: points the range sensor, waits until the servo has settled, asks for an echo, and
+//! turns the answer into a scan with pose and direction.
+//!
+//! It is told echoes and the vehicle's state; it says where to steer, when to ping, and scans. It keeps no map and
+//! decides nothing about safety: a reading that looks like a glitch is marked as suspect, not hidden,
+//! since the reflex must see it all the same.
+//!
+//! ```text
+//!   Pointing ─settled─► Listening ─echo or next period─► Pointing (next beam)
+//! ```
+//!
+//! Deadlines: `next beam`, `servo settled`.
+
+use std::time::Duration;
+
+use tomoswarm_proto::State;
+
+use super::LookSettings;
+use crate::actor::{Actor, Class, Fault, Input};
+use crate::geom::{Angle, Pose, Vector};
+use crate::time::{Deadline, Time};
+
+/// A reading this much nearer than the last one of its beam must be seen twice, metres.
+const JUMP_M: f64 = 1.0;
+/// A pose older than this is not extrapolated any further.
+const POSE_AGE_MAX: Duration = Duration::from_millis(500);
+
+/// Asks the range sensor for an echo.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub struct Ping {
+    /// Counts the pings of this boot.
+    pub number: u64,
+}
+
+/// The range driver's answer.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub struct Echo {
+    /// Which ping it answers.
+    pub number: u64,
+    /// Distance to what gave the echo, metres; `None` = no echo.
+    pub range_m: Option<f64>,
+}
+
+/// A reading with its pose.
+#[derive(Clone, PartialEq, Debug)]
+pub struct Scan {
+    /// Where the vehicle was.
+    pub pose: Pose,
+    /// Direction looked at, relative to the heading.
+    pub beam: Angle,
+    /// Distance to what gave the echo, metres; `None` = no echo within range.
+    pub range_m: Option<f64>,
+    /// The reading jumped, and the next look at this beam has not confirmed it yet.
+    pub suspect: bool,
+}
+
+/// What the sensor actor can be told.
+#[derive(Clone, PartialEq, Debug)]
+pub enum In {
+    /// An answer of the range driver.
+    Echo(Echo),
+    /// Where the vehicle is.
+    State(State),
+}
+
+/// What the sensor actor can say.
+#[derive(Clone, PartialEq, Debug)]
+pub enum Out {
+    /// Point the sensor, relative to the heading.
+    Steer(Angle),
+    /// Measure.
+    Ping(Ping),
+    /// A reading.
+    Scan(Scan),
+}
+
+/// The sensor actor.
+#[derive(Clone, Debug)]
+pub struct Sensor {
+    look: LookSettings,
+    pose_sd_max_m: f64,
+    state: Option<(Time, State)>,
+    beam: usize,
+    phase: Phase,
+    pings: u64,
+    /// Last reading of each beam, metres; infinite = no echo.
+    last_m: Vec<f64>,
+}
+
+#[derive(Clone, Copy, Debug)]
+enum Phase {
+    Pointing { settled: Time, next: Time },
+    Listening { next: Time },
+}
+
+impl Sensor {
+    /// Makes the actor; it points its first beam at the first wake.
+    pub fn new(look: LookSettings, pose_sd_max_m: f64) -> Sensor {
+        let last_m = vec![f64::INFINITY; look.beams.len()];
+        let phase = Phase::Listening { next: Time::ZERO + look.period };
+        Sensor { look, pose_sd_max_m, state: None, beam: 0, phase, pings: 0, last_m }
+    }
+
+    fn echo(&mut self, now: Time, echo: Echo, out: &mut Vec<Out>) {
+        if echo.number != self.pings {
+            return; // a late answer to an earlier ping
+        }
+        let Some(pose) = self.pose(now) else { return };
+        let range_m = echo.range_m.filter(|range_m| self.is_in_range(*range_m));
+        let reading_m = range_m.unwrap_or(f64::INFINITY);
+        let suspect = reading_m < self.last_m[self.beam] - JUMP_M && reading_m < self.look.sure_range_m;
+        self.last_m[self.beam] = reading_m;
+        out.push(Out::Scan(Scan { pose, beam: self.look.beams[self.beam], range_m, suspect }));
+    }
+
+    fn is_in_range(&self, range_m: f64) -> bool {
+        (self.look.min_range_m..=self.look.max_range_m).contains(&range_m)
+    }
+
+    /// Gives the pose now, carried on from the last state along its motion.
+    fn pose(&self, now: Time) -> Option<Pose> {
+        let (at, state) = self.state.as_ref()?;
+        let pose = carried_on(Pose::from(state.pose), state.speed_mps, now.since(*at))?;
+        (pose.sd_m <= self.pose_sd_max_m).then_some(pose)
+    }
+}
+
+/// Gives a pose carried on along its heading for a short while; `None` when it is too old.
+pub(super) fn carried_on(pose: Pose, speed_mps: f64, age: Duration) -> Option<Pose> {
+    let moved = Vector::polar(pose.heading, speed_mps * age.as_secs_f64());
+    (age <= POSE_AGE_MAX).then_some(Pose { at: pose.at + moved, ..pose })
+}
+
+impl Actor for Sensor {
+    type In = In;
+    type Out = Out;
+
+    fn handle(&mut self, now: Time, input: In, out: &mut Vec<Out>) -> Result<(), Fault> {
+        match input {
+            In::Echo(echo) => self.echo(now, echo, out),
+            In::State(state) => self.state = Some((now, state)),
+        }
+        Ok(())
+    }
+
+    fn deadline(&self) -> Option<Deadline> {
+        Some(match self.phase {
+            Phase::Pointing { settled, .. } => Deadline { at: settled, why: "servo settled" },
+            Phase::Listening { next } => Deadline { at: next, why: "next beam" },
+        })
+    }
+
+    fn wake(&mut self, now: Time, out: &mut Vec<Out>) -> Result<(), Fault> {
+        match self.phase {
+            Phase::Listening { .. } => {
+                self.beam = (self.beam + 1) % self.look.beams.len();
+                let next = now + self.look.period;
+                self.phase = Phase::Pointing { settled: now + self.look.settle, next };
+                out.push(Out::Steer(self.look.beams[self.beam]));
+            }
+            Phase::Pointing { next, .. } => {
+                self.pings += 1;
+                self.phase = Phase::Listening { next: next.max(now + Duration::from_nanos(1)) };
+                out.push(Out::Ping(Ping { number: self.pings }));
+            }
+        }
+        Ok(())
+    }
+}
+
+impl Input for In {
+    type Key = ();
+
+    fn class(&self) -> Class<()> {
+        match self {
+            In::Echo(_) => Class::Queue,
+            In::State(_) => Class::Latest(()),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn sensor() -> Sensor {
+        let look = LookSettings {
+            beams: vec![Angle::from_degrees(-30.0), Angle::default(), Angle::from_degrees(30.0)],
+            half_angle: Angle::from_degrees(15.0),
+            min_range_m: 0.1,
+            max_range_m: 4.0,
+            sure_range_m: 3.0,
+            period: Duration::from_millis(100),
+            settle: Duration::from_millis(50),
+        };
+        Sensor::new(look, 0.5)
+    }
+
+    fn told(sensor: &mut Sensor, now: Time, input: In) -> Vec<Out> {
+        let mut out = Vec::new();
+        sensor.handle(now, input, &mut out).unwrap();
+        out
+    }
+
+    fn state(x_m: f64, speed_mps: f64) -> In {
+        let mut state = super::super::tests_support::state(1, x_m, 0.0);
+        state.speed_mps = speed_mps;
+        In::State(state)
+    }
+
+    /// Runs the sensor until it has pinged once more, and gives the moment.
+    fn next_ping(sensor: &mut Sensor) -> (Time, u64) {
+        loop {
+            let mut out = Vec::new();
+            let due = sensor.deadline().unwrap().at;
+            sensor.wake(due, &mut out).unwrap();
+            assert!(sensor.deadline().unwrap().at > due, "a wake moves the deadline on");
+            if let Some(Out::Ping(ping)) = out.first() {
+                return (due, ping.number);
+            }
+        }
+    }
+
+    #[test]
+    fn a_ping_waits_until_the_servo_has_settled() {
+        let mut sensor = sensor();
+        let mut out = Vec::new();
+        sensor.wake(sensor.deadline().unwrap().at, &mut out).unwrap();
+        assert!(matches!(out[..], [Out::Steer(_)]));
+        assert_eq!(sensor.deadline().unwrap().at, Time::from_secs_f64(0.15));
+    }
+
+    #[test]
+    fn ten_readings_a_second_go_round_all_beams() {
+        let mut sensor = sensor();
+        let pings: Vec<Time> = (0..7).map(|_| next_ping(&mut sensor).0).collect();
+        for pair in pings.windows(2) {
+            assert_eq!(pair[1].since(pair[0]), Duration::from_millis(100));
+        }
+    }
+
+    #[test]
+    fn a_scan_carries_the_pose_on_to_the_moment_of_the_echo() {
+        let mut sensor = sensor();
+        let (due, number) = next_ping(&mut sensor);
+        told(&mut sensor, due - Duration::from_millis(100), state(1.0, 0.5));
+        let out = told(&mut sensor, due, In::Echo(Echo { number, range_m: Some(2.0) }));
+        let [Out::Scan(scan)] = &out[..] else { panic!("{out:?}") };
+        assert!((scan.pose.at.x_m - 1.05).abs() < 1e-9);
+    }
+
+    #[test]
+    fn readings_out_of_range_late_or_without_pose_are_no_hits() {
+        let mut sensor = sensor();
+        let (due, number) = next_ping(&mut sensor);
+        assert!(told(&mut sensor, due, In::Echo(Echo { number, range_m: Some(2.0) })).is_empty());
+        told(&mut sensor, due, state(0.0, 0.0));
+        assert!(told(&mut sensor, due, In::Echo(Echo { number: number + 1, range_m: None })).is_empty());
+        let out = told(&mut sensor, due, In::Echo(Echo { number, range_m: Some(9.0) }));
+        assert!(matches!(&out[..], [Out::Scan(Scan { range_m: None, .. })]));
+    }
+
+    #[test]
+    fn a_sudden_near_reading_is_suspect_until_seen_again() {
+        let mut sensor = sensor();
+        let mut suspects = Vec::new();
+        for round in 0..9 {
+            let (due, number) = next_ping(&mut sensor);
+            told(&mut sensor, due, state(0.0, 0.0));
+            let range_m = (round >= 3).then_some(1.0);
+            for out in told(&mut sensor, due, In::Echo(Echo { number, range_m })) {
+                if let Out::Scan(scan) = out {
+                    suspects.push(scan.suspect);
+                }
+            }
+        }
+        assert_eq!(suspects, [false, false, false, true, true, true, false, false, false]);
+    }
+}

@@ -1,0 +1,93 @@
+//! What a vehicle is told about itself and its venue before it starts; validated by `config`.
+
+use std::time::Duration;
+
+use tomoswarm_proto::{Boot, VehicleId};
+
+use crate::geom::{Angle, Lattice, Point, Polygon};
+
+/// Everything that the actors of one vehicle need to know.
+#[derive(Clone, PartialEq, Debug)]
+pub struct Settings {
+    /// Which vehicle this is.
+    pub vehicle: VehicleId,
+    /// Which start of its software.
+    pub boot: Boot,
+    /// Where vehicles may be.
+    pub fence: Polygon,
+    /// Where it returns to.
+    pub home: Point,
+    /// The cells of the map.
+    pub lattice: Lattice,
+    /// Altitude slice that it drives in.
+    pub slice: i16,
+    /// Its body.
+    pub body: BodySettings,
+    /// Its range sensor.
+    pub look: LookSettings,
+    /// Its radio.
+    pub radio: RadioSettings,
+    /// Distances that it keeps.
+    pub safety: SafetySettings,
+    /// How long a search for a path takes before its result may be used.
+    pub path_time: Duration,
+}
+
+/// Size and motion of the body.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub struct BodySettings {
+    /// Radius of the disc that holds the vehicle, metres.
+    pub radius_m: f64,
+    /// Speed to drive at, m/s; already limited by what the sensor allows.
+    pub speed_mps: f64,
+    /// Braking, m/s².
+    pub braking_mps2: f64,
+}
+
+/// The range sensor and how it is pointed.
+#[derive(Clone, PartialEq, Debug)]
+pub struct LookSettings {
+    /// Directions looked at in turn, relative to the heading.
+    pub beams: Vec<Angle>,
+    /// Half the opening of the cone.
+    pub half_angle: Angle,
+    /// Nearest distance that gives an echo, metres.
+    pub min_range_m: f64,
+    /// Farthest distance that gives an echo, metres.
+    pub max_range_m: f64,
+    /// Up to where no echo means that nothing is there, metres.
+    pub sure_range_m: f64,
+    /// Time from one reading to the next.
+    pub period: Duration,
+    /// Time that the servo needs to point.
+    pub settle: Duration,
+}
+
+/// The radio and its place in the ring.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub struct RadioSettings {
+    /// Channel number.
+    pub channel: u8,
+    /// Transmit power, dBm.
+    pub power_dbm: i8,
+    /// Length of one slot of the token ring.
+    pub slot: Duration,
+}
+
+/// Distances that are kept.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub struct SafetySettings {
+    /// Free space kept around the body, metres.
+    pub padding_m: f64,
+    /// Smallest distance between the middles of two vehicles' routes, metres.
+    pub separation_m: f64,
+    /// Above this pose deviation nothing is driven, measured or mapped, metres.
+    pub pose_sd_max_m: f64,
+}
+
+impl Settings {
+    /// Gives half the width of the corridor that must be free for a pose deviation, metres.
+    pub fn corridor_m(&self, pose_sd_m: f64) -> f64 {
+        self.body.radius_m + self.safety.padding_m + 2.0 * pose_sd_m
+    }
+}

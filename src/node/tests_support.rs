@@ -1,0 +1,49 @@
+//! Small makers of inputs for the tests of the node's actors.
+
+use std::time::Duration;
+
+use tomoswarm_proto::{Boot, Mode, PoseReport, Position, State, VehicleId};
+
+use super::{BodySettings, LookSettings, RadioSettings, SafetySettings, Settings};
+use crate::geom::{Angle, Lattice, Point, Rect};
+
+/// A vehicle standing at a place, facing along x.
+pub fn state(vehicle: u8, x_m: f64, y_m: f64) -> State {
+    State {
+        vehicle: VehicleId(vehicle),
+        boot: Boot(1),
+        sequence: 1,
+        pose: PoseReport { at: Position { x_m, y_m }, heading_rad: 0.0, sd_m: 0.05 },
+        speed_mps: 0.0,
+        mode: Mode::Idle,
+        battery: 1.0,
+        leg: None,
+        accepted: Default::default(),
+        ordered: Default::default(),
+    }
+}
+
+/// Settings of a small rover in a fence from (−5, −5) to (25, 25).
+pub fn settings(vehicle: u8) -> Settings {
+    Settings {
+        vehicle: VehicleId(vehicle),
+        boot: Boot(1),
+        fence: Rect::new(Point::new(-5.0, -5.0), Point::new(25.0, 25.0)).polygon(),
+        home: Point::new(0.0, 0.0),
+        lattice: Lattice::new(0.2),
+        slice: 0,
+        body: BodySettings { radius_m: 0.25, speed_mps: 0.5, braking_mps2: 1.0 },
+        look: LookSettings {
+            beams: vec![Angle::from_degrees(-30.0), Angle::default(), Angle::from_degrees(30.0)],
+            half_angle: Angle::from_degrees(15.0),
+            min_range_m: 0.1,
+            max_range_m: 4.0,
+            sure_range_m: 3.0,
+            period: Duration::from_millis(100),
+            settle: Duration::from_millis(50),
+        },
+        radio: RadioSettings { channel: 11, power_dbm: 0, slot: Duration::from_millis(50) },
+        safety: SafetySettings { padding_m: 0.15, separation_m: 1.0, pose_sd_max_m: 0.5 },
+        path_time: Duration::from_millis(20),
+    }
+}

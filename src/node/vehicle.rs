@@ -1,0 +1,506 @@
+//! The vehicle actor: the last word before the autopilot, and the first to know where the vehicle is.
+//!
+//! It is told telemetry, scans, commands of the mission, orders and the peers' states. It says what to
+//! fly, its own `State`, accepted orders, and remarks. It checks every command against the envelope
+//! (fence, speed, separation, age) and has the *reflex*: a scan nearer than the stopping distance halts the
+//! vehicle without map, plan or network. It does not plan and does not know the map.
+//!
+//! ```text
+//!            Drive/Turn accepted          telemetry: at rest
+//!   Idle ───────────────────────► Driving/Turning ─────────► Idle
+//!                                     │ reflex                 ▲
+//!                                     ▼        next command    │
+//!                                   Halted ────────────────────┘        any ─Emergency─► Emergency ─Start─► Idle
+//! ```
+//!
+//! Deadline: `telemetry silent`.
+
+use std::collections::{BTreeMap, VecDeque};
+use std::time::Duration;
+
+use tomoswarm_proto::{Lease, LegReport, Mode, Order, OrderKind, Revision, RunId, State, StopId, VehicleId};
+
+use super::Settings;
+use super::sensor::Scan;
+use crate::actor::{Actor, Class, Fault, Input};
+use crate::geom::{Angle, Point, Pose, Segment, Track};
+use crate::time::{Deadline, Time};
+
+/// Telemetry older than this makes the autopilot silent.
+const SILENT_AFTER: Duration = Duration::from_secs(2);
+/// States are published this often while the mode stays the same.
+const PUBLISH_EVERY: Duration = Duration::from_millis(200);
+/// Time from an echo to brakes that bite.
+const REACTION_S: f64 = 0.15;
+/// What the reflex leaves between the body and an object, metres.
+const REFLEX_MARGIN_M: f64 = 0.1;
+/// A route begins at most this far from where the vehicle is, metres.
+const ROUTE_START_M: f64 = 0.75;
+/// Orders that answer an older state than this are too old to obey.
+const ORDER_AGE: Duration = Duration::from_secs(15);
+/// After this long a resting autopilot has ended the drive that it was told.
+const REST_GRACE: Duration = Duration::from_millis(300);
+
+/// What the autopilot driver reports.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub struct Telemetry {
+    /// Where the autopilot believes to be.
+    pub pose: Pose,
+    /// Speed over ground, m/s.
+    pub speed_mps: f64,
+    /// Charge left, 0 to 1.
+    pub battery: f64,
+    /// Whether and how the body moves.
+    pub motion: Motion,
+}
+
+/// Whether and how a body moves.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub enum Motion {
+    /// Standing.
+    Resting,
+    /// Turning on the spot.
+    Turning,
+    /// Driving.
+    Driving,
+}
+
+/// What the mission wants done.
+#[derive(Clone, PartialEq, Debug)]
+pub enum Command {
+    /// Drive along a route to its end; a later one replaces it at once.
+    Drive {
+        /// The stop that the route leads to, for the log.
+        stop: Option<StopId>,
+        /// Corners, the first near the present place.
+        route: Vec<Point>,
+    },
+    /// Turn on the spot.
+    Turn(Angle),
+    /// Stand still.
+    Hold,
+}
+
+/// What the autopilot shall do.
+#[derive(Clone, PartialEq, Debug)]
+pub enum Fly {
+    /// Drive through the corners and stop at the last.
+    Drive {
+        /// Corners, without the present place.
+        corners: Vec<Point>,
+        /// Speed limit, m/s.
+        speed_mps: f64,
+    },
+    /// Turn on the spot.
+    Turn(Angle),
+    /// Brake and stand.
+    Stop,
+}
+
+/// What the vehicle actor can be told.
+#[derive(Clone, PartialEq, Debug)]
+pub enum In {
+    /// Pose and motion.
+    Telemetry(Telemetry),
+    /// A range reading.
+    Scan(Scan),
+    /// What the mission wants.
+    Command(Command),
+    /// What an operator wants.
+    Order(Order),
+    /// The state of another vehicle.
+    Peer(State),
+    /// The mission follows this plan now.
+    Accepted(RunId, Revision),
+}
+
+/// What the vehicle actor can say.
+#[derive(Clone, PartialEq, Debug)]
+pub enum Out {
+    /// To the autopilot.
+    Fly(Fly),
+    /// To the other actors of this vehicle, with every telemetry.
+    State(State),
+    /// To the other nodes, less often.
+    Publish(State),
+    /// An order that is to be obeyed.
+    Order(Order),
+    /// Something that mission and operator should know.
+    Remark(Remark),
+}
+
+/// What the envelope or the reflex decided.
+#[derive(Clone, PartialEq, Debug)]
+pub enum Remark {
+    /// The reflex stopped the vehicle: something is this near ahead, metres.
+    Halted {
+        /// Distance from the body to the object, metres.
+        ahead_m: f64,
+    },
+    /// A command was not obeyed.
+    Refused(Refusal),
+    /// The autopilot says nothing any more.
+    AutopilotSilent,
+}
+
+/// Why a command was not obeyed.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub enum Refusal {
+    /// No telemetry yet, or too old.
+    NoPose,
+    /// The pose deviation is too large.
+    PoseUncertain,
+    /// The route does not begin where the vehicle is.
+    NotHere,
+    /// The route leaves the fence.
+    Fence,
+    /// The route comes too near to another vehicle or its route.
+    Separation(VehicleId),
+    /// An emergency order stands.
+    Emergency,
+}
+
+/// The vehicle actor.
+#[derive(Clone, Debug)]
+pub struct Vehicle {
+    settings: Settings,
+    telemetry: Option<(Time, Telemetry)>,
+    leg: Option<Leg>,
+    halted: bool,
+    emergency: bool,
+    accepted: (RunId, Revision),
+    ordered: (Lease, Revision),
+    sequence: u64,
+    /// When recent states were made, to judge the age of orders by.
+    made: VecDeque<(u64, Time)>,
+    published: Option<(Time, Mode)>,
+    peers: BTreeMap<VehicleId, State>,
+    silent_reported: bool,
+}
+
+#[derive(Clone, Debug)]
+struct Leg {
+    since: Time,
+    corners: VecDeque<Point>,
+}
+
+impl Vehicle {
+    /// Makes the actor of a vehicle that has not yet heard its autopilot.
+    pub fn new(settings: Settings) -> Vehicle {
+        Vehicle {
+            settings,
+            telemetry: None,
+            leg: None,
+            halted: false,
+            emergency: false,
+            accepted: Default::default(),
+            ordered: Default::default(),
+            sequence: 0,
+            made: VecDeque::new(),
+            published: None,
+            peers: BTreeMap::new(),
+            silent_reported: false,
+        }
+    }
+
+    fn telemetry(&mut self, now: Time, telemetry: Telemetry, out: &mut Vec<Out>) {
+        self.telemetry = Some((now, telemetry));
+        self.silent_reported = false;
+        self.trim_leg(now, telemetry);
+        self.sequence += 1;
+        self.made.push_back((self.sequence, now));
+        if self.made.len() > 256 {
+            self.made.pop_front();
+        }
+        let state = self.state(telemetry);
+        let due =
+            self.published.is_none_or(|(at, mode)| mode != state.mode || now.since(at) >= PUBLISH_EVERY);
+        if due {
+            self.published = Some((now, state.mode));
+            out.push(Out::Publish(state.clone()));
+        }
+        out.push(Out::State(state));
+    }
+
+    /// Drops what was driven of the leg, and the leg itself once the vehicle rests.
+    fn trim_leg(&mut self, now: Time, telemetry: Telemetry) {
+        let Some(leg) = &mut self.leg else { return };
+        while leg.corners.len() > 1 {
+            let piece = Segment::new(leg.corners[0], leg.corners[1]);
+            if piece.nearest_share(telemetry.pose.at) <= 0.0 {
+                break;
+            }
+            leg.corners.pop_front();
+        }
+        if telemetry.motion == Motion::Resting && now.since(leg.since) > REST_GRACE {
+            self.leg = None;
+        }
+    }
+
+    fn state(&self, telemetry: Telemetry) -> State {
+        let remaining = |leg: &Leg| {
+            let route = std::iter::once(telemetry.pose.at).chain(leg.corners.iter().copied());
+            LegReport { route: route.map(Into::into).collect() }
+        };
+        State {
+            vehicle: self.settings.vehicle,
+            boot: self.settings.boot,
+            sequence: self.sequence,
+            pose: telemetry.pose.into(),
+            speed_mps: telemetry.speed_mps,
+            mode: self.mode(telemetry),
+            battery: telemetry.battery,
+            leg: self.leg.as_ref().map(remaining),
+            accepted: self.accepted,
+            ordered: self.ordered,
+        }
+    }
+
+    fn mode(&self, telemetry: Telemetry) -> Mode {
+        if self.emergency {
+            return Mode::Emergency;
+        }
+        match telemetry.motion {
+            Motion::Driving => Mode::Driving,
+            Motion::Turning => Mode::Turning,
+            Motion::Resting if self.halted => Mode::Halted,
+            Motion::Resting => Mode::Idle,
+        }
+    }
+
+    fn command(&mut self, now: Time, command: Command, out: &mut Vec<Out>) {
+        if let Err(refusal) = self.check(now, &command) {
+            out.push(Out::Remark(Remark::Refused(refusal)));
+            return;
+        }
+        match command {
+            Command::Drive { route, .. } => {
+                self.halted = false;
+                let corners: Vec<Point> = route.into_iter().skip(1).collect();
+                self.leg = Some(Leg { since: now, corners: corners.iter().copied().collect() });
+                out.push(Out::Fly(Fly::Drive { corners, speed_mps: self.settings.body.speed_mps }));
+            }
+            Command::Turn(heading) => {
+                self.halted = false;
+                out.push(Out::Fly(Fly::Turn(heading)));
+            }
+            Command::Hold => self.stop(now, out),
+        }
+    }
+
+    fn check(&self, now: Time, command: &Command) -> Result<(), Refusal> {
+        let route = match command {
+            Command::Hold => return Ok(()),
+            Command::Turn(_) => None,
+            Command::Drive { route, .. } => Track::new(route.clone()),
+        };
+        if self.emergency {
+            return Err(Refusal::Emergency);
+        }
+        let Some((at, telemetry)) = self.telemetry else { return Err(Refusal::NoPose) };
+        if now.since(at) > SILENT_AFTER {
+            return Err(Refusal::NoPose);
+        }
+        if telemetry.pose.sd_m > self.settings.safety.pose_sd_max_m {
+            return Err(Refusal::PoseUncertain);
+        }
+        route.map_or(Ok(()), |route| self.check_route(&route, telemetry.pose))
+    }
+
+    fn check_route(&self, route: &Track, pose: Pose) -> Result<(), Refusal> {
+        if route.start().distance_to(pose.at) > ROUTE_START_M {
+            return Err(Refusal::NotHere);
+        }
+        let radius_m = self.settings.body.radius_m;
+        if !route.segments().all(|piece| self.settings.fence.contains_corridor(piece, radius_m)) {
+            return Err(Refusal::Fence);
+        }
+        for peer in self.peers.values() {
+            if !self.keeps_clear_of(route, pose, peer) {
+                return Err(Refusal::Separation(peer.vehicle));
+            }
+        }
+        Ok(())
+    }
+
+    /// Tells whether a route keeps its distance from a peer, or at least leads away from it.
+    fn keeps_clear_of(&self, route: &Track, pose: Pose, peer: &State) -> bool {
+        let place = Point::from(peer.pose.at);
+        let claimed = peer.leg.iter().flat_map(|leg| leg.route.iter().map(|corner| Point::from(*corner)));
+        let Some(claim) = Track::new(std::iter::once(place).chain(claimed).collect()) else { return true };
+        let nearest_m = route.distance_to(&claim);
+        if nearest_m >= self.settings.safety.separation_m {
+            return true;
+        }
+        let here_m = claim.distance_to_point(pose.at);
+        nearest_m >= here_m - 1e-3 && claim.distance_to_point(route.end()) > here_m
+    }
+
+    fn stop(&mut self, now: Time, out: &mut Vec<Out>) {
+        if let Some((_, telemetry)) = self.telemetry {
+            let corners = VecDeque::from([self.brakes_until(telemetry)]);
+            self.leg = self.leg.is_some().then_some(Leg { since: now, corners });
+        }
+        out.push(Out::Fly(Fly::Stop));
+    }
+
+    fn brakes_until(&self, telemetry: Telemetry) -> Point {
+        let braking_m = telemetry.speed_mps * telemetry.speed_mps / (2.0 * self.settings.body.braking_mps2);
+        telemetry.pose.at + crate::geom::Vector::polar(telemetry.pose.heading, braking_m)
+    }
+
+    /// The reflex: halts when a reading in the driven strip is nearer than the vehicle can stop.
+    fn scan(&mut self, now: Time, scan: &Scan, out: &mut Vec<Out>) {
+        let Some((_, telemetry)) = self.telemetry else { return };
+        if telemetry.motion != Motion::Driving || self.halted {
+            return;
+        }
+        let Some(ahead_m) = self.ahead_m(scan) else { return };
+        let speed = telemetry.speed_mps;
+        let needs_m = speed * REACTION_S + speed * speed / (2.0 * self.settings.body.braking_mps2);
+        if ahead_m < needs_m + REFLEX_MARGIN_M {
+            self.stop(now, out);
+            self.halted = true;
+            out.push(Out::Remark(Remark::Halted { ahead_m }));
+        }
+    }
+
+    /// Gives how far ahead of the body an echo may come from; `None` when it lies beside the strip.
+    fn ahead_m(&self, scan: &Scan) -> Option<f64> {
+        let range_m = scan.range_m?;
+        let off_axis_rad = (scan.beam.radians().abs() - self.settings.look.half_angle.radians()).max(0.0);
+        let (sin, cos) = libm::sincos(off_axis_rad);
+        let strip_m = self.settings.body.radius_m + REFLEX_MARGIN_M;
+        (range_m * sin <= strip_m).then_some(range_m * cos - self.settings.body.radius_m)
+    }
+
+    fn order(&mut self, now: Time, order: Order, out: &mut Vec<Out>) {
+        let newer = rank(order.lease) > rank(self.ordered.0)
+            || (order.lease == self.ordered.0 && order.revision > self.ordered.1);
+        if order.vehicle != self.settings.vehicle || !newer || self.is_stale(now, order) {
+            return;
+        }
+        self.ordered = (order.lease, order.revision);
+        match order.kind {
+            OrderKind::Emergency => {
+                self.emergency = true;
+                self.stop(now, out);
+            }
+            OrderKind::Start => self.emergency = false,
+            OrderKind::Hold | OrderKind::Return | OrderKind::Land => {}
+        }
+        out.push(Out::Order(order));
+    }
+
+    /// An order is stale when it answers a state that was made too long ago; stopping is never stale.
+    fn is_stale(&self, now: Time, order: Order) -> bool {
+        match order.kind {
+            OrderKind::Hold | OrderKind::Emergency | OrderKind::Land => false,
+            OrderKind::Start | OrderKind::Return => {
+                let made = self.made.iter().find(|(sequence, _)| *sequence == order.seen_state);
+                made.is_none_or(|(_, at)| now.since(*at) > ORDER_AGE)
+            }
+        }
+    }
+
+    fn peer(&mut self, state: State) {
+        let newer = |known: &State| (state.boot, state.sequence) > (known.boot, known.sequence);
+        if state.vehicle != self.settings.vehicle && self.peers.get(&state.vehicle).is_none_or(newer) {
+            self.peers.insert(state.vehicle, state);
+        }
+    }
+}
+
+impl Actor for Vehicle {
+    type In = In;
+    type Out = Out;
+
+    fn handle(&mut self, now: Time, input: In, out: &mut Vec<Out>) -> Result<(), Fault> {
+        match input {
+            In::Telemetry(telemetry) => self.telemetry(now, telemetry, out),
+            In::Scan(scan) => self.scan(now, &scan, out),
+            In::Command(command) => self.command(now, command, out),
+            In::Order(order) => self.order(now, order, out),
+            In::Peer(state) => self.peer(state),
+            In::Accepted(run, revision) => self.accepted = (run, revision),
+        }
+        Ok(())
+    }
+
+    fn deadline(&self) -> Option<Deadline> {
+        let (at, _) = self.telemetry?;
+        (!self.silent_reported).then_some(Deadline { at: at + SILENT_AFTER, why: "telemetry silent" })
+    }
+
+    fn wake(&mut self, _now: Time, out: &mut Vec<Out>) -> Result<(), Fault> {
+        self.silent_reported = true;
+        out.push(Out::Remark(Remark::AutopilotSilent));
+        Ok(())
+    }
+}
+
+/// Which inputs replace unread ones.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub enum Key {
+    /// Telemetry of the own autopilot.
+    Telemetry,
+    /// The mission's command.
+    Command,
+    /// Orders join by strength.
+    Order,
+    /// The state of one peer.
+    Peer(VehicleId),
+    /// The accepted plan.
+    Accepted,
+}
+
+impl Input for In {
+    type Key = Key;
+
+    fn class(&self) -> Class<Key> {
+        match self {
+            In::Telemetry(_) => Class::Latest(Key::Telemetry),
+            In::Scan(_) => Class::Queue,
+            In::Command(_) => Class::Latest(Key::Command),
+            In::Order(_) => Class::Latest(Key::Order),
+            In::Peer(state) => Class::Latest(Key::Peer(state.vehicle)),
+            In::Accepted(..) => Class::Latest(Key::Accepted),
+        }
+    }
+
+    fn join(unread: In, newer: In) -> In {
+        match (unread, newer) {
+            (In::Order(unread), In::Order(newer)) => In::Order(join_orders(unread, newer)),
+            (_, newer) => newer,
+        }
+    }
+}
+
+/// Joins two unread orders: within one lease and run the stronger kind wins, otherwise the newer order.
+///
+/// emergency > land > return > hold > start; the joined order carries the higher revision, so that
+/// neither of the two comes back.
+pub fn join_orders(unread: Order, newer: Order) -> Order {
+    if (unread.lease, unread.run) != (newer.lease, newer.run) {
+        return if rank(unread.lease) > rank(newer.lease) { unread } else { newer };
+    }
+    let kind = stronger(unread.kind, newer.kind);
+    let latest = if unread.revision > newer.revision { unread } else { newer };
+    Order { kind, ..latest }
+}
+
+/// Orders leases: the higher number first, a tie goes to the lower holder.
+fn rank(lease: Lease) -> (u32, u64) {
+    (lease.number, u64::MAX - lease.holder)
+}
+
+fn stronger(a: OrderKind, b: OrderKind) -> OrderKind {
+    let rank = |kind: OrderKind| match kind {
+        OrderKind::Start => 0,
+        OrderKind::Hold => 1,
+        OrderKind::Return => 2,
+        OrderKind::Land => 3,
+        OrderKind::Emergency => 4,
+    };
+    if rank(b) > rank(a) { b } else { a }
+}
