@@ -1,1 +1,4 @@
 //! The world in virtual time: kernel, bodies, simulated drivers, radio field, bus.
+
+pub mod body;
+mod motion;
