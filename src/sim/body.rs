@@ -256,6 +256,11 @@ impl Body {
         self.since + Duration::from_nanos(libm::ceil(time_s * 1e9) as u64)
     }
 
+    /// The last whole nanosecond at or before a time of the phases.
+    pub(super) fn moment_before(&self, time_s: f64) -> Time {
+        self.since + Duration::from_nanos((time_s * 1e9) as u64)
+    }
+
     fn phase_index(&self, at: Time) -> Option<usize> {
         let last = self.phases.last()?;
         if self.moment(last.end_s()) <= at {

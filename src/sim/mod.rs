@@ -1,4 +1,5 @@
 //! The world in virtual time: kernel, bodies, simulated drivers, radio field, bus.
 
 pub mod body;
+pub mod contact;
 mod motion;
