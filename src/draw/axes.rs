@@ -21,7 +21,7 @@ pub(super) fn draw(picture: &mut Picture, layout: &Layout, title: &str) {
     let line_px = SMALL.character_size.height as i32;
     let name = "x (m)";
     let x = left + (width - width_px(name, SMALL) as i32) / 2;
-    write(picture, name, Point::new(x, top + height + TICK_PX + line_px + 4), SMALL, INK);
+    write(picture, name, Point::new(x, top + height + TICK_PX + line_px + 6), SMALL, INK);
     let name = "y (m)";
     let y = top + (height + width_px(name, SMALL) as i32) / 2;
     let labels_px = layout.y_ticks.iter().map(|tick| width_px(&tick.label, SMALL)).max().unwrap_or(0) as i32;

@@ -63,7 +63,8 @@ impl Bar {
         let left = plot.top_left.x + plot.size.width as i32 + GAP_PX;
         let bottom = plot.top_left.y + plot.size.height as i32;
         let line_px = SMALL.character_size.height as i32;
-        write(picture, &self.unit, Point::new(left, plot.top_left.y - line_px - 12), SMALL, INK);
+        let unit_up_px = if self.highest.is_some() { 2 * line_px + 3 } else { line_px + 6 };
+        write(picture, &self.unit, Point::new(left, plot.top_left.y - unit_up_px), SMALL, INK);
         let room = |note: &Option<f64>| if note.is_some() { ARROW_PX + 3 } else { 0 };
         let top = plot.top_left.y + room(&self.highest);
         let height = (bottom - room(&self.lowest) - top).max(1);
@@ -77,7 +78,7 @@ impl Bar {
         self.ticks(picture, body);
         if let Some(note) = self.note_above() {
             arrow(picture, colours, Point::new(left, top - 3), -1, 1.0);
-            write(picture, &note, Point::new(left + BAR_PX + LABEL_GAP_PX - 4, top - ARROW_PX - 8), SMALL, INK);
+            write(picture, &note, Point::new(left, plot.top_left.y - line_px - 3), SMALL, INK);
         }
         if let Some(note) = self.note_below() {
             arrow(picture, colours, Point::new(left, top + height + 2), 1, 0.0);
@@ -110,7 +111,8 @@ fn arrow(picture: &mut Picture, colours: &ColourMap, base: Point, step: i32, sha
     for i in 0..ARROW_PX {
         let line = Rectangle::new(base + Point::new(i, i * step), Size::new((BAR_PX - 2 * i) as u32, 1));
         picture.fill(line, INK);
-        let inner = Rectangle::new(line.top_left + Point::new(1, 0), Size::new(line.size.width.saturating_sub(2), 1));
+        let inner =
+            Rectangle::new(line.top_left + Point::new(1, 0), Size::new(line.size.width.saturating_sub(2), 1));
         if i > 0 {
             picture.fill(inner, colours.at(share));
         }

@@ -78,7 +78,11 @@ fn lightness(srgb: [f64; 3]) -> f64 {
         if share <= 0.04045 { share / 12.92 } else { libm::pow((share + 0.055) / 1.055, 2.4) }
     });
     let luminance = 0.2126 * linear[0] + 0.7152 * linear[1] + 0.0722 * linear[2];
-    if luminance <= 216.0 / 24389.0 { luminance * 24389.0 / 27.0 } else { 116.0 * libm::cbrt(luminance) - 16.0 }
+    if luminance <= 216.0 / 24389.0 {
+        luminance * 24389.0 / 27.0
+    } else {
+        116.0 * libm::cbrt(luminance) - 16.0
+    }
 }
 
 /// Gives a mixture of two colours; share 0 is `under`, 1 is `over`.

@@ -33,7 +33,7 @@ impl Labels {
 
     /// Keeps a rectangle free of labels.
     pub(super) fn keep_free(&mut self, mark: Rectangle) {
-        if self.taken.len() < 4 * MOST {
+        if self.taken.len() < 8 * MOST {
             self.taken.push(mark);
         }
     }
@@ -46,11 +46,12 @@ impl Labels {
             return;
         }
         let size = Size::new(width_px(&text, SMALL), SMALL.character_size.height);
-        let rings = [4, 10, 20, 34];
-        let free = rings.into_iter().flat_map(|gap_px| around(mark, size, gap_px, sides_first)).find(|candidate| {
-            let inside = candidate.intersection(&self.plot) == *candidate;
-            inside && self.taken.iter().all(|taken| taken.intersection(candidate).size.width == 0)
-        });
+        let rings = [4, 10, 19];
+        let free =
+            rings.into_iter().flat_map(|gap_px| around(mark, size, gap_px, sides_first)).find(|candidate| {
+                let inside = candidate.intersection(&self.plot) == *candidate;
+                inside && self.taken.iter().all(|taken| taken.intersection(candidate).size.width == 0)
+            });
         if let Some(rectangle) = free {
             self.taken.push(rectangle);
             self.placed.push(Placed { text, at: rectangle.top_left, colour });

@@ -44,21 +44,28 @@ impl Layout {
     ///
     /// # Errors
     /// [`DrawError::AreaNotFinite`].
-    pub(super) fn new(area: Rect, overlays: &[Overlay], side_px: u32, legend: &Legend) -> Result<Layout, DrawError> {
+    pub(super) fn new(
+        area: Rect,
+        overlays: &[Overlay],
+        side_px: u32,
+        legend: &Legend,
+    ) -> Result<Layout, DrawError> {
         let view = view(area, overlays)?;
         let (width_m, height_m) = (view.width_m(), view.height_m());
-        let scale_px_per_m = (f64::from(PLOT_MOST.width) / width_m).min(f64::from(PLOT_MOST.height) / height_m);
+        let scale_px_per_m =
+            (f64::from(PLOT_MOST.width) / width_m).min(f64::from(PLOT_MOST.height) / height_m);
         let pixels = |length_m: f64| libm::round(length_m * scale_px_per_m).max(1.0) as u32;
         let shown = Size::new(pixels(width_m), pixels(height_m));
-        let x_ticks = ticks(view.min.x_m, view.max.x_m, (shown.width / 64).clamp(1, 10) as usize);
+        let x_ticks = ticks(view.min.x_m, view.max.x_m, (shown.width / 56).clamp(1, 10) as usize);
         let y_ticks = ticks(view.min.y_m, view.max.y_m, (shown.height / 40).clamp(1, 12) as usize);
         let label_px = y_ticks.iter().map(|tick| width_px(&tick.label, SMALL)).max().unwrap_or(0);
         let left_px = PAD_PX + SMALL.character_size.height + 6 + label_px + TICK_PX + 4;
         let needed_px = left_px + shown.width + side_px + PAD_PX;
         let width = needed_px.max(LEAST_WIDTH_PX);
         // A narrow plot stands in the middle of what is needed for the title and the legend.
-        let plot = Rectangle::new(Pixel::new((left_px + (width - needed_px) / 2) as i32, TOP_PX as i32), shown);
-        let axis_px = TICK_PX + 2 * SMALL.character_size.height + 12;
+        let plot =
+            Rectangle::new(Pixel::new((left_px + (width - needed_px) / 2) as i32, TOP_PX as i32), shown);
+        let axis_px = TICK_PX + 2 * SMALL.character_size.height + 16;
         let legend_top = TOP_PX + shown.height + axis_px;
         let size = Size::new(width, legend_top + legend.height_px(width - 2 * PAD_PX) + PAD_PX);
         Ok(Layout { view, plot, size, x_ticks, y_ticks, legend_top: legend_top as i32, scale_px_per_m })
@@ -113,7 +120,7 @@ fn shown(offset_px: f64, pitch_px: f64, count: usize) -> std::ops::Range<usize> 
     (first.max(0.0) as usize).min(middle as usize)..(end as usize).clamp(middle as usize + 1, count)
 }
 
-/// Gives the metres to show: the area, and the overlays as far as they lie near it.
+/// Gives the metres to show: the area, and the overlays that lie near it.
 fn view(area: Rect, overlays: &[Overlay]) -> Result<Rect, DrawError> {
     let Rect { min, max } = area;
     let error =
@@ -126,11 +133,9 @@ fn view(area: Rect, overlays: &[Overlay]) -> Result<Rect, DrawError> {
     let size_m = if longer_m > 0.0 { longer_m } else { 1.0 };
     let (reach, rim_m) = (area.shrunk(-0.25 * size_m), 0.025 * size_m);
     let mut view = area;
-    for place in overlays.iter().flat_map(Overlay::places) {
-        view.min.x_m = view.min.x_m.min((place.x_m - rim_m).max(reach.min.x_m));
-        view.min.y_m = view.min.y_m.min((place.y_m - rim_m).max(reach.min.y_m));
-        view.max.x_m = view.max.x_m.max((place.x_m + rim_m).min(reach.max.x_m));
-        view.max.y_m = view.max.y_m.max((place.y_m + rim_m).min(reach.max.y_m));
+    for place in overlays.iter().flat_map(Overlay::places).filter(|place| reach.contains(*place)) {
+        view.min = Point::new(view.min.x_m.min(place.x_m - rim_m), view.min.y_m.min(place.y_m - rim_m));
+        view.max = Point::new(view.max.x_m.max(place.x_m + rim_m), view.max.y_m.max(place.y_m + rim_m));
     }
     let view = at_least(view, least_m(view));
     let view = at_least(view, view.width_m().max(view.height_m()) / ELONGATION_MOST);
@@ -164,7 +169,8 @@ mod tests {
     use proptest::prelude::*;
 
     fn layout(x0: f64, y0: f64, x1: f64, y1: f64) -> Result<Layout, DrawError> {
-        Layout::new(Rect::new(Point::new(x0, y0), Point::new(x1, y1)), &[], 80, &Legend::default())
+        let area = Rect { min: Point::new(x0, y0), max: Point::new(x1, y1) };
+        Layout::new(area, &[], 80, &Legend::default())
     }
 
     #[test]
@@ -185,7 +191,7 @@ mod tests {
         let east_m = |x_m: f64| view(area, &[dot(x_m)]).unwrap().max.x_m;
         assert_eq!(east_m(5.0), 10.0);
         assert!(east_m(11.0) > 11.0);
-        assert_eq!(east_m(1e9), 12.5);
+        assert_eq!(east_m(1e9), 10.0);
         assert_eq!(east_m(f64::NAN), 10.0);
     }
 

@@ -101,7 +101,8 @@ mod tests {
     #[test]
     fn each_kind_is_named_once() {
         let dot = |label: &str| Overlay::Dot { at: geom::Point::default(), label: Some(label.to_string()) };
-        let legend = Legend::new(Vec::new(), &[dot("a"), track(1, "r2"), dot("b"), track(0, "r1"), track(1, "r2")]);
+        let legend =
+            Legend::new(Vec::new(), &[dot("a"), track(1, "r2"), dot("b"), track(0, "r1"), track(1, "r2")]);
         let texts: Vec<&str> = legend.entries.iter().map(|entry| entry.text.as_str()).collect();
         assert_eq!(texts, ["track of r1", "track of r2", "vehicle"]);
     }

@@ -22,6 +22,9 @@ mod stroke;
 mod text;
 mod ticks;
 
+#[cfg(test)]
+mod tests;
+
 use thiserror::Error;
 
 pub use heat::HeatMap;
@@ -53,6 +56,12 @@ pub enum DrawError {
         min_y_m: f64,
         /// North border, metres.
         max_y_m: f64,
+    },
+    /// The cells of a map have no size.
+    #[error("the side of a cell must be positive, got {cell_m} m")]
+    CellSize {
+        /// The side given, metres.
+        cell_m: f64,
     },
     /// The PNG encoder refused the raster.
     #[error("the picture could not be encoded as png: {reason}")]

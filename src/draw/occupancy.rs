@@ -80,9 +80,13 @@ impl Picture {
     /// Draws an occupancy map and gives it as PNG bytes, north up.
     ///
     /// # Errors
-    /// [`DrawError::ValueCount`], [`DrawError::AreaNotFinite`].
+    /// [`DrawError::CellSize`], [`DrawError::ValueCount`], [`DrawError::AreaNotFinite`].
     pub fn occupancy(map: &OccupancyMap) -> Result<Vec<u8>, DrawError> {
         let OccupancyMap { columns, rows, .. } = *map;
+        // A cell size that is no number is refused below, with the area it makes.
+        if map.cell_m <= 0.0 {
+            return Err(DrawError::CellSize { cell_m: map.cell_m });
+        }
         if columns.checked_mul(rows) != Some(map.cells.len()) {
             return Err(DrawError::ValueCount { columns, rows, got: map.cells.len() });
         }

@@ -148,11 +148,13 @@ impl Mark {
         match self {
             Mark::Area => Pen { dash_px: Some((2.0, 4.0)), ..pen(1.4, theme.border) },
             Mark::Fence => Pen { dash_px: Some((9.0, 5.0)), ..pen(1.6, theme.border) },
-            Mark::Track { colour } => Pen { opacity: 0.7, ..pen(1.4, theme.tracks[colour % theme.tracks.len()]) },
-            Mark::Outline => pen(1.4, theme.truth),
+            Mark::Track { colour } => {
+                Pen { opacity: 0.7, ..pen(1.4, theme.tracks[colour % theme.tracks.len()]) }
+            }
+            Mark::Outline => pen(1.8, theme.truth),
             Mark::Home => pen(1.6, theme.vehicle),
             Mark::Dot => pen(9.0, theme.vehicle),
-            Mark::Circle => pen(1.6, theme.truth),
+            Mark::Circle => pen(1.8, theme.truth),
             Mark::Cross => pen(2.2, theme.found),
         }
     }

@@ -3,7 +3,7 @@
 use embedded_graphics::geometry::{Point as Pixel, Size};
 use embedded_graphics::primitives::Rectangle;
 
-use crate::geom::{Point, Polygon};
+use crate::geom::{Point, Polygon, Segment};
 
 use super::colour::Theme;
 use super::label::Labels;
@@ -15,6 +15,7 @@ use super::text::write_rimmed;
 
 const CASING_PX: f64 = 2.4;
 const CIRCLE_LEAST_PX: f64 = 4.0;
+const OUTLINE_MOST: usize = 600;
 
 /// Draws all overlays, marks of one kind together, then their labels on top.
 pub(super) fn overlays(picture: &mut Picture, layout: &Layout, theme: &Theme, overlays: &[Overlay]) {
@@ -27,9 +28,7 @@ pub(super) fn overlays(picture: &mut Picture, layout: &Layout, theme: &Theme, ov
         for path in paths(overlay, layout) {
             cased(&mut sheet, picture, theme, mark, &path);
         }
-        if let Some(rectangle) = point_mark(overlay, layout) {
-            labels.keep_free(rectangle);
-        }
+        taken(overlay, layout).into_iter().for_each(|rectangle| labels.keep_free(rectangle));
     }
     // What was found matters most: it chooses its place first.
     for overlay in ordered.iter().rev() {
@@ -52,7 +51,13 @@ pub(super) fn sample(picture: &mut Picture, theme: &Theme, mark: Mark, tile: Rec
     let paths = match mark {
         Mark::Area | Mark::Fence | Mark::Track { .. } => vec![vec![place(-14.0, 0.0), place(14.0, 0.0)]],
         Mark::Outline => {
-            vec![vec![place(-12.0, 5.0), place(-12.0, -5.0), place(12.0, -5.0), place(12.0, 5.0), place(-12.0, 5.0)]]
+            vec![vec![
+                place(-12.0, 5.0),
+                place(-12.0, -5.0),
+                place(12.0, -5.0),
+                place(12.0, 5.0),
+                place(-12.0, 5.0),
+            ]]
         }
         Mark::Circle => vec![circle(middle, 6.0)],
         Mark::Cross => cross(middle),
@@ -68,9 +73,19 @@ pub(super) fn sample(picture: &mut Picture, theme: &Theme, mark: Mark, tile: Rec
 /// Draws a path with a rim, so that it reads on any ground.
 fn cased(sheet: &mut Sheet, picture: &mut Picture, theme: &Theme, mark: Mark, path: &[At]) {
     let pen = mark.pen(theme);
-    let rim = Pen { width_px: pen.width_px + CASING_PX, colour: theme.casing, opacity: 0.55 * pen.opacity, ..pen };
+    let rim =
+        Pen { width_px: pen.width_px + CASING_PX, colour: theme.casing, opacity: mark_rim(mark), ..pen };
     sheet.path(picture, path, rim);
     sheet.path(picture, path, pen);
+}
+
+/// Gives the opacity of a mark's rim: faint for tracks, which lie close to each other.
+fn mark_rim(mark: Mark) -> f64 {
+    match mark {
+        Mark::Track { .. } => 0.35,
+        Mark::Area | Mark::Fence => 0.5,
+        Mark::Outline | Mark::Home | Mark::Dot | Mark::Circle | Mark::Cross => 0.75,
+    }
 }
 
 /// Gives the paths an overlay is drawn with.
@@ -125,15 +140,38 @@ fn point_mark(overlay: &Overlay, layout: &Layout) -> Option<Rectangle> {
         Overlay::Circle { at, radius_m, .. } => around(*at, radius_px(*radius_m, layout) + 2.0, layout),
         Overlay::Cross { at, .. } | Overlay::Home { at, .. } => around(*at, 7.0, layout),
         Overlay::Dot { at, .. } => around(*at, 6.0, layout),
-        Overlay::Outline { .. } | Overlay::Track { .. } | Overlay::Fence { .. } | Overlay::Area { .. } => None,
+        Overlay::Outline { .. } | Overlay::Track { .. } | Overlay::Fence { .. } | Overlay::Area { .. } => {
+            None
+        }
     }
+}
+
+/// Gives the pixels that labels shall not cover.
+fn taken(overlay: &Overlay, layout: &Layout) -> Vec<Rectangle> {
+    match overlay {
+        Overlay::Outline { polygon, .. } => {
+            polygon.edges().flat_map(|edge| along(edge, layout)).take(OUTLINE_MOST).collect()
+        }
+        Overlay::Circle { .. } | Overlay::Cross { .. } | Overlay::Dot { .. } | Overlay::Home { .. } => {
+            point_mark(overlay, layout).into_iter().collect()
+        }
+        Overlay::Track { .. } | Overlay::Fence { .. } | Overlay::Area { .. } => Vec::new(),
+    }
+}
+
+/// Gives small squares along an edge, at most a few pixels apart on edges no longer than the plot.
+fn along(edge: Segment, layout: &Layout) -> impl Iterator<Item = Rectangle> {
+    let pieces = (layout.length_px(edge.length_m()) / 6.0).clamp(1.0, 150.0) as i32;
+    (0..=pieces)
+        .filter_map(move |i| around(edge.from.toward(edge.to, f64::from(i) / f64::from(pieces)), 3.0, layout))
 }
 
 fn around(point: Point, radius_px: f64, layout: &Layout) -> Option<Rectangle> {
     let At { x_px, y_px } = layout.place(point);
+    // A circle larger than the plot has no place beside it anyway; the bound keeps pixel sums within i32.
+    let radius_px = radius_px.min(2000.0);
     let corner = Pixel::new((x_px - radius_px) as i32, (y_px - radius_px) as i32);
-    // A circle larger than the plot has no useful place beside it: label its rim's upper left then.
-    let side_px = (2.0 * radius_px).min(2000.0) as u32;
+    let side_px = (2.0 * radius_px) as u32;
     let shown = layout.plot.contains(Pixel::new(x_px as i32, y_px as i32)) && point.is_finite();
     shown.then(|| Rectangle::new(corner, Size::new(side_px, side_px)))
 }

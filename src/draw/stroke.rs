@@ -120,9 +120,12 @@ impl Sheet {
         for row in indices(low.y_px - reach_px - top, high.y_px + reach_px - top, rows) {
             let middle_px = top + row as f64 + 0.5;
             // Only the part of the piece near this row matters; a long slanting line stays cheap.
-            let share = |y_px: f64| if height_px > 1e-9 { ((y_px - low.y_px) / height_px).clamp(0.0, 1.0) } else { 0.0 };
+            let share = |y_px: f64| {
+                if height_px > 1e-9 { ((y_px - low.y_px) / height_px).clamp(0.0, 1.0) } else { 0.0 }
+            };
             let start = low.toward(high, share(middle_px - reach_px)).x_px;
-            let end = if height_px > 1e-9 { low.toward(high, share(middle_px + reach_px)).x_px } else { high.x_px };
+            let end =
+                if height_px > 1e-9 { low.toward(high, share(middle_px + reach_px)).x_px } else { high.x_px };
             let (west, east) = (start.min(end) - reach_px - left, start.max(end) + reach_px - left);
             for column in indices(west, east, columns) {
                 let distance_px = distance_px(At::new(left + column as f64 + 0.5, middle_px), low, high);
@@ -211,7 +214,8 @@ mod tests {
         let mut picture = Picture::new(Size::new(40, 30), Rgb888::WHITE);
         Sheet::new(Rectangle::new(Point::new(5, 5), Size::new(30, 20))).path(&mut picture, places, pen);
         assert_eq!(picture.size(), Size::new(40, 30));
-        let pixel = |i: i32| picture.colour_at(Point::new(i % 40, i / 40)).map_or(0, |colour| 255 - colour.r());
+        let pixel =
+            |i: i32| picture.colour_at(Point::new(i % 40, i / 40)).map_or(0, |colour| 255 - colour.r());
         (0..1200).map(pixel).collect()
     }
 

@@ -48,7 +48,8 @@ pub(super) fn write_rimmed(picture: &mut Picture, text: &str, at: Point, colour:
 /// Writes a text that runs upward; `foot` is where its upper left corner lies when read with the head to the left.
 pub(super) fn write_upward(picture: &mut Picture, text: &str, foot: Point, font: &MonoFont, colour: Rgb888) {
     let style = MonoTextStyle::new(font, colour);
-    let Ok(_) = Text::with_baseline(text, Point::zero(), style, Baseline::Top).draw(&mut Upward { picture, foot });
+    let Ok(_) =
+        Text::with_baseline(text, Point::zero(), style, Baseline::Top).draw(&mut Upward { picture, foot });
 }
 
 /// A target that turns what is drawn a quarter to the left.

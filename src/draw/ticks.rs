@@ -34,7 +34,9 @@ pub(super) fn ticks(low: f64, high: f64, most: usize) -> Vec<Tick> {
     }
     let size = low.abs().max(high.abs());
     let value = |index: usize| (first + index as f64) * step;
-    (0..count.max(0.0) as usize).map(|i| Tick { value: value(i), label: label(value(i), step, size) }).collect()
+    (0..count.max(0.0) as usize)
+        .map(|i| Tick { value: value(i), label: label(value(i), step, size) })
+        .collect()
 }
 
 /// Writes a number with about three digits.
@@ -43,7 +45,19 @@ pub(super) fn number(value: f64) -> String {
     if size != 0.0 && !(1e-3..1e5).contains(&size) {
         return format!("{value:.1e}");
     }
-    let decimals = if size >= 100.0 { 0 } else if size >= 10.0 { 1 } else if size >= 0.1 { 2 } else { 4 };
+    let decimals = if size == 0.0 {
+        2
+    } else if size >= 100.0 {
+        0
+    } else if size >= 10.0 {
+        1
+    } else if size >= 0.1 {
+        2
+    } else if size >= 0.01 {
+        3
+    } else {
+        4
+    };
     plain(value, decimals)
 }
 
@@ -71,7 +85,11 @@ fn exponent(value: f64) -> i32 {
 
 fn power_of_ten(exponent: i32) -> f64 {
     // Dividing by an exact power gives the double nearest to 0.1, 0.01 and so on.
-    if exponent < 0 { 1.0 / libm::pow(10.0, f64::from(-exponent)) } else { libm::pow(10.0, f64::from(exponent)) }
+    if exponent < 0 {
+        1.0 / libm::pow(10.0, f64::from(-exponent))
+    } else {
+        libm::pow(10.0, f64::from(exponent))
+    }
 }
 
 #[cfg(test)]
@@ -96,7 +114,14 @@ mod tests {
 
     #[test]
     fn impossible_spans_have_no_ticks() {
-        for (low, high) in [(1.0, 1.0), (2.0, 1.0), (0.0, f64::INFINITY), (f64::NAN, 1.0), (-1e308, 1e308), (1e15, 1e15 + 1.0)] {
+        for (low, high) in [
+            (1.0, 1.0),
+            (2.0, 1.0),
+            (0.0, f64::INFINITY),
+            (f64::NAN, 1.0),
+            (-1e308, 1e308),
+            (1e15, 1e15 + 1.0),
+        ] {
             let marks = ticks(low, high, 5);
             assert!(marks.len() <= 7, "{low} {high}");
         }
@@ -106,8 +131,9 @@ mod tests {
 
     #[test]
     fn numbers_are_short() {
-        let texts: Vec<String> = [0.0, -0.0001, -0.345, 12.34, 250.0, 3e-7].into_iter().map(number).collect();
-        assert_eq!(texts, ["0.0000", "-1.0e-4", "-0.34", "12.3", "250", "3.0e-7"]);
+        let texts: Vec<String> =
+            [0.0, -0.0001, -0.346, 0.0742, 12.34, 250.0, 3e-7].into_iter().map(number).collect();
+        assert_eq!(texts, ["0.00", "-1.0e-4", "-0.35", "0.074", "12.3", "250", "3.0e-7"]);
     }
 
     proptest! {
