@@ -25,7 +25,7 @@ pub(super) fn draw(picture: &mut Picture, layout: &Layout, title: &str) {
     let name = "y (m)";
     let y = top + (height + width_px(name, SMALL) as i32) / 2;
     let labels_px = layout.y_ticks.iter().map(|tick| width_px(&tick.label, SMALL)).max().unwrap_or(0) as i32;
-    write_upward(picture, name, Point::new(left - TICK_PX - 8 - labels_px - line_px, y), SMALL, INK);
+    write_upward(picture, name, Point::new(left - TICK_PX - 12 - labels_px - line_px, y), SMALL, INK);
     heading(picture, layout, title);
 }
 

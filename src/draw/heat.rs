@@ -58,7 +58,7 @@ impl Picture {
         values(&mut picture, &layout, map, |value| {
             if value.is_finite() { colours.at(bar.share(value)) } else { NOT_FINITE }
         });
-        if map.values.is_empty() {
+        if map.values.is_empty() || area.width_m() <= 0.0 || area.height_m() <= 0.0 {
             nothing(&mut picture, &layout);
         }
         paint::overlays(&mut picture, &layout, &DARK, &map.overlays);

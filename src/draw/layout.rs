@@ -56,10 +56,10 @@ impl Layout {
             (f64::from(PLOT_MOST.width) / width_m).min(f64::from(PLOT_MOST.height) / height_m);
         let pixels = |length_m: f64| libm::round(length_m * scale_px_per_m).max(1.0) as u32;
         let shown = Size::new(pixels(width_m), pixels(height_m));
-        let x_ticks = ticks(view.min.x_m, view.max.x_m, (shown.width / 56).clamp(1, 10) as usize);
-        let y_ticks = ticks(view.min.y_m, view.max.y_m, (shown.height / 40).clamp(1, 12) as usize);
+        let x_ticks = ticks(view.min.x_m, view.max.x_m, (shown.width / 50).clamp(1, 12) as usize);
+        let y_ticks = ticks(view.min.y_m, view.max.y_m, (shown.height / 50).clamp(1, 12) as usize);
         let label_px = y_ticks.iter().map(|tick| width_px(&tick.label, SMALL)).max().unwrap_or(0);
-        let left_px = PAD_PX + SMALL.character_size.height + 6 + label_px + TICK_PX + 4;
+        let left_px = PAD_PX + SMALL.character_size.height + 9 + label_px + TICK_PX + 4;
         let needed_px = left_px + shown.width + side_px + PAD_PX;
         let width = needed_px.max(LEAST_WIDTH_PX);
         // A narrow plot stands in the middle of what is needed for the title and the legend.

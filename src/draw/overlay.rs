@@ -149,7 +149,7 @@ impl Mark {
             Mark::Area => Pen { dash_px: Some((2.0, 4.0)), ..pen(1.4, theme.border) },
             Mark::Fence => Pen { dash_px: Some((9.0, 5.0)), ..pen(1.6, theme.border) },
             Mark::Track { colour } => {
-                Pen { opacity: 0.7, ..pen(1.4, theme.tracks[colour % theme.tracks.len()]) }
+                Pen { opacity: 0.8, ..pen(1.6, theme.tracks[colour % theme.tracks.len()]) }
             }
             Mark::Outline => pen(1.8, theme.truth),
             Mark::Home => pen(1.6, theme.vehicle),
