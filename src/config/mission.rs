@@ -61,7 +61,7 @@ fn read_gaps(section: &Section) -> Gaps {
     match steps.filter(|steps| !steps.is_empty() && steps.len() <= 1000) {
         Some(steps) => Gaps::Steps(steps),
         None => {
-            section.refuse("gaps_steps", "is not allowed", "a list of whole numbers, one a lap, is allowed");
+            section.refuse("gaps_steps", "is no such list", "a list of whole numbers, one a lap, is allowed");
             Gaps::Planner
         }
     }
@@ -192,7 +192,7 @@ fn read_pixels(section: &Section) -> (usize, usize) {
         }
         _ => {
             let allowed = "[columns, rows], each a whole number from 2 to 400, is allowed";
-            section.refuse("pixels", "is not allowed", allowed);
+            section.refuse("pixels", "is no such pair", allowed);
             default
         }
     }

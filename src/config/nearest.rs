@@ -3,6 +3,10 @@
 /// Gives the known word with the smallest edit distance, if it is near enough to be meant.
 pub(super) fn nearest<'a>(word: &str, known: &[&'a str]) -> Option<&'a str> {
     let short: String = word.chars().take(64).collect();
+    let unit_left_out = format!("{short}_");
+    if let Some(whole) = known.iter().find(|name| name.starts_with(&unit_left_out)) {
+        return Some(whole);
+    }
     let best = known.iter().map(|candidate| (distance(&short, candidate), *candidate)).min()?;
     let near_enough = best.0 <= 2.max(short.chars().count() / 3);
     let is_part = known.iter().copied().find(|name| is_stem(&short, name));
@@ -52,6 +56,7 @@ mod tests {
         check("hieght_m", Some("height_m"));
         check("max_sped_mps", Some("max_speed_mps"));
         check("max_speed", Some("max_speed_mps"));
+        check("max", Some("max_speed_mps"));
     }
 
     #[test]

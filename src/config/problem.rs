@@ -43,9 +43,10 @@ impl fmt::Display for Problem {
 pub struct Problems(Vec<Problem>);
 
 impl Problems {
-    /// Collects problems and sorts them: files in the order in which they were met, then by line.
-    pub fn new(found: Vec<Problem>) -> Problems {
-        let mut files: Vec<String> = Vec::new();
+    /// Collects problems and sorts them: one file first, the others in the order in which they were
+    /// met; then by line.
+    pub fn new(first_file: &str, found: Vec<Problem>) -> Problems {
+        let mut files: Vec<String> = vec![first_file.to_owned()];
         for problem in &found {
             if !files.contains(&problem.file) {
                 files.push(problem.file.clone());

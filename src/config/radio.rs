@@ -141,7 +141,7 @@ fn read_sides(section: &Section, vehicles: usize) -> Vec<Vec<Sender>> {
     });
     let Some(sides) = sides.filter(|sides| sides.len() >= 2 && sides.iter().all(|side| !side.is_empty()))
     else {
-        section.refuse("sides", "is not allowed", &rule);
+        section.refuse("sides", "is no such list", &rule);
         return Vec::new();
     };
     let mut nodes: Vec<Sender> = sides.concat();

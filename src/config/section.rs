@@ -69,11 +69,13 @@ impl<'s> Section<'s> {
     /// Gives a number if it is there and right.
     pub(super) fn optional_number(&self, key: &'static str, allowed: RangeInclusive<f64>) -> Option<f64> {
         let value = self.value(key)?;
-        let number = number_of(value.get_ref()).filter(|number| allowed.contains(number));
-        if number.is_none() {
-            self.refuse_value(key, value, &number_rule(&allowed));
+        let number = number_of(value.get_ref());
+        let within = number.filter(|number| allowed.contains(number));
+        if within.is_none() {
+            let wrong = if number.is_some() { "is out of range" } else { "is no number" };
+            self.refuse_value(key, value, wrong, &number_rule(&allowed));
         }
-        number
+        within
     }
 
     /// Gives a span of time from a number of seconds.
@@ -99,12 +101,13 @@ impl<'s> Section<'s> {
     /// Gives a whole number; the default when it is left out or wrong.
     pub(super) fn whole(&self, key: &'static str, default: usize, allowed: RangeInclusive<usize>) -> usize {
         let Some(value) = self.value(key) else { return self.fall_back(key, default) };
-        let number = whole_of(value.get_ref()).filter(|number| allowed.contains(number));
-        if number.is_none() {
-            let rule = format!("a whole number from {} to {} is allowed", allowed.start(), allowed.end());
-            self.refuse_value(key, value, &rule);
+        let number = whole_of(value.get_ref());
+        let within = number.filter(|number| allowed.contains(number));
+        if within.is_none() {
+            let wrong = if number.is_some() { "is out of range" } else { "is no such number" };
+            self.refuse_value(key, value, wrong, &whole_rule(&allowed));
         }
-        number.unwrap_or(default)
+        within.unwrap_or(default)
     }
 
     /// Notes that the command line replaces a whole number, which must be in range as well.
@@ -112,8 +115,7 @@ impl<'s> Section<'s> {
         let line = self.value(key).map_or(self.line, |value| self.source.line_of(value.span()));
         self.source.remember_as(&self.full(key), line, format!("{by} (asked for)"));
         if !allowed.contains(&by) {
-            let rule = format!("a whole number from {} to {} is allowed", allowed.start(), allowed.end());
-            self.refuse(key, "is not allowed", &rule);
+            self.refuse(key, "is out of range", &whole_rule(&allowed));
         }
     }
 
@@ -122,7 +124,7 @@ impl<'s> Section<'s> {
         let Some(value) = self.value(key) else { return self.fall_back(key, default) };
         let flag = value.get_ref().as_bool();
         if flag.is_none() {
-            self.refuse_value(key, value, "true or false is allowed");
+            self.refuse_value(key, value, "is no yes or no", "true or false is allowed");
         }
         flag.unwrap_or(default)
     }
@@ -132,7 +134,7 @@ impl<'s> Section<'s> {
         let value = self.value(key)?;
         let text = value.get_ref().as_str().filter(|text| !text.is_empty() && text.len() <= 200);
         if text.is_none() {
-            self.refuse_value(key, value, "a text of 1 to 200 characters in quotes is allowed");
+            self.refuse_value(key, value, "is no text", "1 to 200 characters in quotes are allowed");
         }
         text.map(str::to_owned)
     }
@@ -155,7 +157,7 @@ impl<'s> Section<'s> {
         let found = names.iter().find(|(name, _)| word == Some(name));
         if found.is_none() {
             let list: Vec<String> = names.iter().map(|(name, _)| format!("\"{name}\"")).collect();
-            self.refuse_value(key, value, &format!("{} is allowed", list.join(" or ")));
+            self.refuse_value(key, value, "is no choice", &format!("{} is allowed", list.join(" or ")));
         }
         found.map_or(default, |(_, value)| *value)
     }
@@ -176,7 +178,7 @@ impl<'s> Section<'s> {
                 allowed.start(),
                 allowed.end()
             );
-            self.refuse_value(key, value, &rule);
+            self.refuse_value(key, value, "is no such list", &rule);
         }
         numbers
     }
@@ -206,7 +208,7 @@ impl<'s> Section<'s> {
         let Some(value) = self.value(key) else { return Vec::new() };
         let points = points_of(value.get_ref()).filter(|list| length.contains(&list.len()));
         if points.is_none() {
-            self.refuse_value(key, value, &rule);
+            self.refuse_value(key, value, "is no such list", &rule);
         }
         points.unwrap_or_default()
     }
@@ -222,7 +224,8 @@ impl<'s> Section<'s> {
         let value = self.value(key)?;
         let section = self.open(value, self.full(&format!("{key}.")));
         if section.is_none() {
-            self.refuse_value(key, value, &format!("a table [{}] is allowed", self.full(key)));
+            let rule = format!("a table [{}] is allowed", self.full(key));
+            self.refuse_value(key, value, "is no table", &rule);
         }
         section
     }
@@ -232,14 +235,14 @@ impl<'s> Section<'s> {
         let Some(value) = self.value(key) else { return Vec::new() };
         let rule = format!("up to {limit} tables [[{}]] are allowed", self.full(key));
         let Some(list) = value.get_ref().as_array().filter(|list| list.len() <= limit) else {
-            self.refuse_value(key, value, &rule);
+            self.refuse_value(key, value, "is no such list", &rule);
             return Vec::new();
         };
         let mut opened = Vec::new();
         for (index, entry) in list.iter().enumerate() {
             match self.open(entry, self.full(&format!("{key}[{index}]."))) {
                 Some(section) => opened.push(section),
-                None => self.refuse_value(key, entry, &rule),
+                None => self.refuse_value(&format!("{key}[{index}]"), entry, "is no table", &rule),
             }
         }
         opened
@@ -249,7 +252,8 @@ impl<'s> Section<'s> {
     pub(super) fn entries(&self, key: &'static str) -> Vec<(String, Section<'s>)> {
         let Some(value) = self.value(key) else { return Vec::new() };
         let Some(table) = value.get_ref().as_table() else {
-            self.refuse_value(key, value, &format!("tables [{}.NAME] are allowed", self.full(key)));
+            let rule = format!("tables [{}.NAME] are allowed", self.full(key));
+            self.refuse_value(key, value, "is no table", &rule);
             return Vec::new();
         };
         let mut opened = Vec::new();
@@ -257,7 +261,9 @@ impl<'s> Section<'s> {
             match self.open(entry, self.full(&format!("{key}.{}.", name.get_ref()))) {
                 Some(section) => opened.push((name.get_ref().to_string(), section)),
                 None => {
-                    self.refuse_value(key, entry, &format!("a table [{}.NAME] is allowed", self.full(key)))
+                    let wrong_key = format!("{key}.{}", name.get_ref());
+                    let rule = format!("a table [{}] is allowed", self.full(&wrong_key));
+                    self.refuse_value(&wrong_key, entry, "is no table", &rule);
                 }
             }
         }
@@ -309,7 +315,8 @@ impl<'s> Section<'s> {
         if !asked.contains(&key) {
             asked.push(key);
         }
-        let value = self.table?.get(key)?;
+        // What the parser left in place of a broken value stands nowhere in the text.
+        let value = self.table?.get(key).filter(|value| !value.span().is_empty())?;
         self.source.remember(&self.full(key), value);
         Some(value)
     }
@@ -321,14 +328,18 @@ impl<'s> Section<'s> {
         default
     }
 
-    fn refuse_value(&self, key: &str, value: Value<'s>, rule: &str) {
+    fn refuse_value(&self, key: &str, value: Value<'s>, wrong: &str, rule: &str) {
         let (line, shown) = (self.source.line_of(value.span()), self.source.shown(value));
-        self.source.note(Class::Value, line, &self.full(key), &shown, "is not allowed", rule);
+        self.source.note(Class::Value, line, &self.full(key), &shown, wrong, rule);
     }
 }
 
 fn number_rule(allowed: &RangeInclusive<f64>) -> String {
     format!("a number from {} to {} is allowed", allowed.start(), allowed.end())
+}
+
+fn whole_rule(allowed: &RangeInclusive<usize>) -> String {
+    format!("a whole number from {} to {} is allowed", allowed.start(), allowed.end())
 }
 
 fn span(length: &RangeInclusive<usize>) -> String {

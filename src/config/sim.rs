@@ -75,7 +75,7 @@ impl Sim {
         let durations = Durations::read(&root.section("durations"));
         let until = root.duration("until_s", 14_400.0, 1.0..=1e6);
         let end = root.choice("end", End::Return, &ends);
-        let seed = root.whole("seed", 1, 0..=usize::MAX) as u64;
+        let seed = root.whole("seed", 1, 0..=i64::MAX as usize) as u64;
         root.finish();
         check_look_before_you_drive(root, &fleet, &range, &safety);
         check_poses(root, &fleet, &safety);

@@ -64,8 +64,14 @@ impl<'t> Source<'t> {
             return Spanned::new(0..0, DeTable::new());
         }
         let (tree, errors) = DeTable::parse_recoverable(self.text);
+        let mut last_line = 0;
         for error in errors {
             let line = self.line_of(error.span().unwrap_or(0..0));
+            // What follows on the same line is mostly a consequence.
+            if line == last_line {
+                continue;
+            }
+            last_line = line;
             let message = error.message().lines().collect::<Vec<_>>().join(", ");
             self.note(Class::Syntax, line, "", "", &format!("no valid TOML: {message}"), "");
         }
@@ -142,7 +148,7 @@ impl<'t> Source<'t> {
             .collect();
         match value {
             Some(value) if kept.is_empty() => Ok(value),
-            Some(_) | None => Err(Problems::new(kept)),
+            Some(_) | None => Err(Problems::new(&self.file, kept)),
         }
     }
 
