@@ -1,1 +1,128 @@
-//! Venue, scene and simulation files: raw serde twins and the validated types behind them.
+//! Venue, scene and simulation files: text in, checked values out.
+//!
+//! A file is TOML and names its `kind`. It is read into a tree with line numbers and taken apart key
+//! by key, so that *all* mistakes of all files are listed at once ([`Problems`]), each with file,
+//! line, key, value and what is allowed; a key that nobody asked for is refused with the nearest
+//! known one. (A serde twin with `deny_unknown_fields` would stop at its first mistake.) Units are in
+//! the key names; what is left out has a default.
+//!
+//! This module opens no files and reads no environment: content is passed in, and a simulation's
+//! venue and scene come from the `loader` of the caller. It does not read the scene's shapes (`.wrl`)
+//! and does not place random persons.
+
+pub mod bundled;
+mod mission;
+mod nearest;
+mod outline;
+mod problem;
+mod radio;
+mod scene;
+mod section;
+mod sim;
+mod source;
+mod vehicle;
+mod venue;
+
+use section::Section;
+use source::Source;
+
+pub use mission::{Durations, End, Gaps, Imaging, Planner, Prior, Solver, Sweep, Weights};
+pub use problem::{Problem, Problems};
+pub use radio::{Bus, Partition, Radio};
+pub use scene::{Material, Object, Outline, Person, RandomPersons, SceneFile, Up};
+pub use sim::Sim;
+pub use vehicle::{RangeSensor, Safety, Vehicles};
+pub use venue::{Datum, Venue};
+
+/// Gives the text of a file that another file names, or the reason why it cannot be read.
+pub type Loader<'a> = dyn FnMut(&str) -> Result<String, String> + 'a;
+
+/// The content of one configuration file.
+///
+/// The kinds `vehicle` and `ground` (field nodes) join this list when the live swarm is built.
+#[derive(Clone, PartialEq, Debug)]
+pub enum Config {
+    /// The shared description of a place.
+    Venue(Venue),
+    /// A simulated world.
+    Scene(SceneFile),
+    /// A simulated mission, with its venue and scene.
+    Sim(Box<Sim>),
+}
+
+/// Reads a configuration of any kind; `file_name` is used in messages and to find files named in it.
+///
+/// # Errors
+///
+/// Every mistake of this file and of the files that it names.
+pub fn read(file_name: &str, text: &str, loader: &mut Loader) -> Result<Config, Problems> {
+    read_root(file_name, text, |root| match root.text("kind").as_deref() {
+        Some("venue") => Some(Config::Venue(Venue::read(root))),
+        Some("scene") => Some(Config::Scene(SceneFile::read(root))),
+        Some("sim") => Sim::read(root, None, loader).map(|sim| Config::Sim(Box::new(sim))),
+        Some(_) => {
+            root.refuse("kind", "is not known", KINDS);
+            None
+        }
+        None => {
+            root.require("kind", KINDS);
+            None
+        }
+    })
+}
+
+/// Reads a simulation file with the venue and the scene that it names; `vehicles`, if given, replaces
+/// the number of vehicles before anything is checked.
+///
+/// # Errors
+///
+/// Every mistake of the three files; a file of another kind.
+pub fn read_sim(
+    file_name: &str,
+    text: &str,
+    vehicles: Option<usize>,
+    loader: &mut Loader,
+) -> Result<Sim, Problems> {
+    read_kind(file_name, text, "sim", |root| Sim::read(root, vehicles, loader))
+}
+
+/// Gives the path of a file that is named in another one, relative to that one's folder.
+pub fn beside(file_name: &str, named: &str) -> String {
+    match file_name.rfind('/') {
+        Some(end) if !named.starts_with('/') => format!("{}{named}", &file_name[..=end]),
+        Some(_) | None => named.to_owned(),
+    }
+}
+
+const KINDS: &str = "a file begins with kind = \"venue\", \"scene\" or \"sim\"";
+
+/// Reads a file that must be of one kind.
+fn read_kind<T>(
+    file_name: &str,
+    text: &str,
+    kind: &str,
+    read: impl FnOnce(&Section) -> Option<T>,
+) -> Result<T, Problems> {
+    read_root(file_name, text, |root| match root.text("kind") {
+        Some(found) if found == kind => read(root),
+        Some(_) => {
+            root.refuse("kind", "is of another kind", &format!("kind = \"{kind}\" is needed here"));
+            None
+        }
+        None => {
+            root.require("kind", &format!("kind = \"{kind}\" is needed here"));
+            None
+        }
+    })
+}
+
+fn read_root<T>(
+    file_name: &str,
+    text: &str,
+    read: impl FnOnce(&Section) -> Option<T>,
+) -> Result<T, Problems> {
+    let source = Source::new(file_name, text);
+    let tree = source.parse();
+    let value = read(&Section::root(&source, &tree));
+    source.finish(value)
+}

@@ -1,1 +1,72 @@
-//! Pictures as pure values: rasters with axes and colour bars, encoded as PNG.
+//! Pictures as pure values: rasters with axes, colour bar and legend, encoded as PNG.
+//!
+//! Two pictures exist: [`HeatMap`] (an image in dB/m) through [`Picture::heat`], and [`OccupancyMap`] (free, unknown,
+//! occupied cells) through [`Picture::occupancy`]. Both show metres at one scale along both axes, y up, with
+//! [`Overlay`]s and a legend that names what is used, so that the picture explains itself.
+//!
+//! Deliberately absent: files, fonts from outside, knowledge of maps, vehicles and solvers. Equal specifications give
+//! equal bytes on every machine.
+
+mod axes;
+mod bar;
+mod colour;
+mod heat;
+mod label;
+mod layout;
+mod legend;
+mod occupancy;
+mod overlay;
+mod paint;
+mod raster;
+mod stroke;
+mod text;
+mod ticks;
+
+#[cfg(test)]
+mod tests;
+
+use thiserror::Error;
+
+pub use heat::HeatMap;
+pub use occupancy::{CellState, OccupancyMap};
+pub use overlay::Overlay;
+pub use raster::Picture;
+
+/// Why a picture could not be made.
+#[derive(Clone, PartialEq, Debug, Error)]
+pub enum DrawError {
+    /// The number of values differs from the number of pixels or cells.
+    #[error("expected {columns} x {rows} values, got {got}")]
+    ValueCount {
+        /// Columns of the grid.
+        columns: usize,
+        /// Rows of the grid.
+        rows: usize,
+        /// Values given.
+        got: usize,
+    },
+    /// The area has a coordinate or a size that is no finite number.
+    #[error("the area to draw must be finite, got x {min_x_m} to {max_x_m} m and y {min_y_m} to {max_y_m} m")]
+    AreaNotFinite {
+        /// West border, metres.
+        min_x_m: f64,
+        /// East border, metres.
+        max_x_m: f64,
+        /// South border, metres.
+        min_y_m: f64,
+        /// North border, metres.
+        max_y_m: f64,
+    },
+    /// The cells of a map have no size.
+    #[error("the side of a cell must be positive, got {cell_m} m")]
+    CellSize {
+        /// The side given, metres.
+        cell_m: f64,
+    },
+    /// The PNG encoder refused the raster.
+    #[error("the picture could not be encoded as png: {reason}")]
+    Encoding {
+        /// The encoder's own words.
+        reason: String,
+    },
+}

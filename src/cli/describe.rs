@@ -1,0 +1,259 @@
+//! What was understood of a configuration, in a few lines for a person. Every value is shown, those that
+//! were left out with their defaults.
+
+use std::fmt::Write;
+
+use crate::config::{Config, Gaps, Planner, RandomPersons, SceneFile, Sim, Venue};
+use crate::geom::Point;
+
+/// Describes a configuration; ends in a line break.
+pub fn describe(config: &Config) -> String {
+    match config {
+        Config::Venue(venue) => format!("a venue\n{}", lines(&venue_lines(venue))),
+        Config::Scene(scene) => format!("a scene\n{}", lines(&scene_lines(scene))),
+        Config::Sim(sim) => format!("a simulation\n{}", lines(&sim_lines(sim))),
+    }
+}
+
+type Line = (&'static str, String);
+
+fn lines(list: &[Line]) -> String {
+    let mut text = String::new();
+    for (name, value) in list {
+        // Writing into a string cannot fail.
+        let _ = writeln!(text, "  {name:<12} {value}");
+    }
+    text
+}
+
+fn venue_lines(venue: &Venue) -> Vec<Line> {
+    let (area, datum) = (venue.area, venue.datum);
+    let homes: Vec<String> = venue.homes.iter().map(place).collect();
+    vec![
+        ("venue", format!("venue {}, hash {:016x}", venue.name, venue.hash())),
+        (
+            "datum",
+            format!(
+                "{}° north, {}° east, {} m; x axis at {}°",
+                datum.latitude_deg,
+                datum.longitude_deg,
+                datum.altitude_m,
+                venue.x_axis_bearing.degrees()
+            ),
+        ),
+        (
+            "area",
+            format!(
+                "{} m × {} m from {} to {}",
+                area.width_m(),
+                area.height_m(),
+                place(&area.min),
+                place(&area.max)
+            ),
+        ),
+        ("fence", format!("{} corners, {:.1} m²", venue.fence.corners().len(), venue.fence.area_m2().abs())),
+        ("homes", format!("{}: {}", homes.len(), homes.join(" "))),
+        (
+            "map",
+            format!(
+                "cells of {} m, slices at {:?} m, ceiling {} m",
+                venue.cell_m, venue.slice_borders_m, venue.ceiling_m
+            ),
+        ),
+    ]
+}
+
+fn scene_lines(scene: &SceneFile) -> Vec<Line> {
+    let shapes = scene.wrl.as_deref().unwrap_or("none");
+    let mut list = vec![
+        ("scene", format!("scene {}", scene.name)),
+        ("shapes", format!("{shapes}, {:?} up, moved by {:?} m", scene.up, scene.offset_m)),
+    ];
+    for (name, material) in &scene.materials {
+        list.push((
+            "material",
+            format!("{name}: {} dB/m, {} dB a crossing", material.db_per_m, material.db_per_crossing),
+        ));
+    }
+    let other = scene.default_material;
+    list.push((
+        "material",
+        format!("of others: {} dB/m, {} dB a crossing", other.db_per_m, other.db_per_crossing),
+    ));
+    list.push(("objects", scene.objects.len().to_string()));
+    for person in &scene.persons {
+        list.push((
+            "person",
+            format!(
+                "{} at {}, radius {} m, {} dB/m",
+                person.name,
+                place(&person.at),
+                person.radius_m,
+                person.db_per_m
+            ),
+        ));
+    }
+    list.extend(scene.random_persons.as_ref().map(random_line));
+    list
+}
+
+fn random_line(random: &RandomPersons) -> Line {
+    let text = format!(
+        "{} random persons, {} m from the border, {} m from shapes, {} m apart; radius {} m, {} dB/m",
+        random.count,
+        random.keep_from_border_m,
+        random.keep_from_objects_m,
+        random.apart_m,
+        random.radius_m,
+        random.db_per_m
+    );
+    ("persons", text)
+}
+
+fn sim_lines(sim: &Sim) -> Vec<Line> {
+    let mut list = venue_lines(&sim.venue);
+    list.extend(scene_lines(&sim.scene));
+    list.extend(fleet_lines(sim));
+    list.extend(field_lines(sim));
+    list.extend(task_lines(sim));
+    list
+}
+
+fn fleet_lines(sim: &Sim) -> Vec<Line> {
+    let (fleet, range, safety) = (&sim.vehicles, &sim.range, &sim.safety);
+    let beams: Vec<String> = range.beams.iter().map(|beam| format!("{:.0}°", beam.degrees())).collect();
+    vec![
+        (
+            "vehicles",
+            format!(
+                "{} vehicles, radius {} m, height {} m, antenna at {} m",
+                fleet.count, fleet.radius_m, fleet.height_m, fleet.antenna_height_m
+            ),
+        ),
+        (
+            "motion",
+            format!(
+                "up to {} m/s, acceleration {} m/s², braking {} m/s², turning {:.0}°/s",
+                fleet.max_speed_mps,
+                fleet.acceleration_mps2,
+                fleet.braking_mps2,
+                fleet.turn_rate_rad_per_s.to_degrees()
+            ),
+        ),
+        ("pose", format!("deviation {} m over {} s", fleet.pose_sd_m, fleet.pose_correlation_s)),
+        (
+            "range",
+            format!(
+                "{} to {} m (sure up to {} m), ±{:.0}°, up to {:.0}° off the normal, deviation {} m, at {} m",
+                range.min_range_m,
+                range.max_range_m,
+                range.sure_range_m,
+                range.half_angle_rad.to_degrees(),
+                range.incidence_limit_rad.to_degrees(),
+                range.noise_sd_m,
+                range.height_m
+            ),
+        ),
+        ("beams", format!("{}, one every {:?}", beams.join(" "), range.scan_period)),
+        (
+            "safety",
+            format!(
+                "padding {} m, separation {} m, pose deviation up to {} m",
+                safety.padding_m, safety.separation_m, safety.pose_sd_max_m
+            ),
+        ),
+    ]
+}
+
+fn field_lines(sim: &Sim) -> Vec<Line> {
+    let (radio, bus) = (&sim.radio, &sim.bus);
+    vec![
+        (
+            "radio",
+            format!(
+                "{:.3} GHz, {} dBm at 1 m, exponent {}, Rician K {}, packets ±{} dB, objects up to {} dB",
+                radio.frequency_hz * 1e-9,
+                radio.p0_dbm,
+                radio.exponent,
+                radio.rician_k,
+                radio.packet_sd_db,
+                radio.object_limit_db
+            ),
+        ),
+        (
+            "reception",
+            format!(
+                "half lost at {} dBm, slope {} dB; slot {:?}, channel {}, power {} dBm",
+                radio.sensitivity_dbm, radio.sensitivity_slope_db, radio.slot, radio.channel, radio.power_dbm
+            ),
+        ),
+        (
+            "bus",
+            format!(
+                "delay {:?} + up to {:?}, {} % lost, {} partitions",
+                bus.delay,
+                bus.jitter,
+                bus.drop_share * 100.0,
+                bus.partitions.len()
+            ),
+        ),
+    ]
+}
+
+fn task_lines(sim: &Sim) -> Vec<Line> {
+    let (sweep, imaging, durations) = (&sim.sweep, &sim.imaging, &sim.durations);
+    let planner = match sweep.planner {
+        Planner::RotatingGap => "rotating gap",
+        Planner::Fan => "fan",
+    };
+    let gaps = match &sweep.gaps {
+        Gaps::Planner => "the planner's gaps".to_owned(),
+        Gaps::Steps(steps) => format!("gaps {steps:?}"),
+    };
+    let laps = sweep.laps.map_or("the planner's laps".to_owned(), |laps| format!("{laps} laps"));
+    let first = if sim.empty_sweep { ", an empty sweep first" } else { "" };
+    vec![
+        ("sweep", format!("{planner} over {} positions, {laps}, {gaps}{first}", sweep.positions)),
+        (
+            "image",
+            format!(
+                "{} × {} pixels, weights {:?} (width {} m), solver {:?}, bins of {} m",
+                imaging.columns,
+                imaging.rows,
+                imaging.weights,
+                imaging.width_m,
+                imaging.solver,
+                imaging.bin_m
+            ),
+        ),
+        (
+            "priors",
+            format!(
+                "changes {} dB/m over {} m, structure {} dB/m over {} m",
+                imaging.prior.sigma_db_per_m,
+                imaging.prior.correlation_length_m,
+                imaging.structure_prior.sigma_db_per_m,
+                imaging.structure_prior.correlation_length_m
+            ),
+        ),
+        (
+            "peaks",
+            format!(
+                "up to {}, {} m from the rim; links from {} m",
+                imaging.peaks, imaging.rim_m, imaging.min_link_m
+            ),
+        ),
+        (
+            "thinking",
+            format!(
+                "imager {:?}, planner {:?}, route {:?}",
+                durations.imager, durations.planner, durations.route
+            ),
+        ),
+        ("end", format!("{:?} after at most {:?}; seed {}", sim.end, sim.until, sim.seed)),
+    ]
+}
+
+fn place(point: &Point) -> String {
+    format!("({}, {})", point.x_m, point.y_m)
+}

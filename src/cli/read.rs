@@ -1,0 +1,80 @@
+//! Reading whole text files, with a limit and an error that names the file.
+
+use std::fs::File;
+use std::io::{self, Read};
+use std::path::Path;
+
+use super::error::CliError;
+
+/// The largest file that any command reads, bytes.
+pub const LIMIT_BYTES: u64 = 256 << 20;
+
+/// Gives the text of a file.
+///
+/// # Errors
+///
+/// When it cannot be read, is larger than [`LIMIT_BYTES`], or is no UTF-8.
+pub fn text(path: &Path) -> Result<String, CliError> {
+    let unreadable = |source| CliError::Read { path: path.to_owned(), source };
+    let unusable = |reason: String| CliError::Input { path: path.to_owned(), reason };
+    let file = File::open(path).map_err(unreadable)?;
+    if file.metadata().map_err(unreadable)?.is_dir() {
+        return Err(unreadable(io::Error::from(io::ErrorKind::IsADirectory)));
+    }
+    let mut bytes = Vec::new();
+    file.take(LIMIT_BYTES + 1).read_to_end(&mut bytes).map_err(unreadable)?;
+    if bytes.len() as u64 > LIMIT_BYTES {
+        return Err(unusable(format!("the file is too large; at most {LIMIT_BYTES} bytes are read")));
+    }
+    String::from_utf8(bytes).map_err(|error| {
+        let good = error.utf8_error().valid_up_to();
+        let line = 1 + error.as_bytes()[..good].iter().filter(|byte| **byte == b'\n').count();
+        unusable(format!("line {line}: is no text (UTF-8 is expected)"))
+    })
+}
+
+/// Gives the text of a file that a configuration names, or only the reason why not.
+///
+/// # Errors
+///
+/// As for [`text`], without the name of the file.
+pub fn named_in_config(path: &str) -> Result<String, String> {
+    text(Path::new(path)).map_err(|error| match error {
+        CliError::Read { source, .. } => source.to_string(),
+        CliError::Input { reason, .. } => reason,
+        CliError::Usage(_)
+        | CliError::Config(_)
+        | CliError::Several(_)
+        | CliError::Write { .. }
+        | CliError::Mission(_)
+        | CliError::Fault(_) => error.to_string(),
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn check(content: &[u8], expected: Result<&str, &str>) {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.txt");
+        std::fs::write(&path, content).unwrap();
+        let got = named_in_config(path.to_str().unwrap());
+        assert_eq!(got, expected.map(str::to_owned).map_err(str::to_owned));
+    }
+
+    #[test]
+    fn only_text_is_read() {
+        check(b"one\ntwo", Ok("one\ntwo"));
+        check(b"one\ntw\xff", Err("line 2: is no text (UTF-8 is expected)"));
+    }
+
+    #[test]
+    fn a_folder_and_a_missing_file_are_named() {
+        let folder = tempfile::tempdir().unwrap();
+        let error = text(folder.path()).unwrap_err().to_string();
+        assert!(error.starts_with(folder.path().to_str().unwrap()) && error.contains("directory"), "{error}");
+        let error = text(&folder.path().join("gone")).unwrap_err().to_string();
+        assert!(error.contains("gone: cannot be read: No such file"), "{error}");
+    }
+}

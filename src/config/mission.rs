@@ -1,0 +1,232 @@
+//! The task of a simulation: how it sweeps, how it makes images, how long it may take.
+
+use std::time::Duration;
+
+use super::section::{Section, whole_of};
+
+/// How the next stops are chosen.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub enum Planner {
+    /// All drive laps at a constant gap and measure while driving; the gap changes between laps.
+    RotatingGap,
+    /// One stands, the others drive: for comparison.
+    Fan,
+}
+
+/// The gaps of the rotating-gap planner, in steps of the ring.
+#[derive(Clone, PartialEq, Eq, Debug)]
+pub enum Gaps {
+    /// As the planner knows them for the number of vehicles.
+    Planner,
+    /// One gap a lap between the first and the second vehicle.
+    Steps(Vec<u32>),
+}
+
+/// How a sweep is driven.
+#[derive(Clone, PartialEq, Debug)]
+pub struct Sweep {
+    /// The planner.
+    pub planner: Planner,
+    /// Positions on the border of the area.
+    pub positions: usize,
+    /// Laps of a sweep; `None`: as many as the planner needs.
+    pub laps: Option<usize>,
+    /// The gaps.
+    pub gaps: Gaps,
+}
+
+impl Sweep {
+    pub(super) fn read(section: &Section, vehicles: usize) -> Sweep {
+        let names = [("rotating-gap", Planner::RotatingGap), ("fan", Planner::Fan)];
+        let sweep = Sweep {
+            planner: section.choice("planner", Planner::RotatingGap, &names),
+            positions: section.whole("positions", 76, 8..=2000),
+            laps: section.has("laps").then(|| section.whole("laps", 8, 1..=1000)),
+            gaps: read_gaps(section),
+        };
+        section.finish();
+        check_sweep(section, &sweep, vehicles);
+        sweep
+    }
+}
+
+fn read_gaps(section: &Section) -> Gaps {
+    if !section.has("gaps_steps") {
+        return Gaps::Planner;
+    }
+    let steps = section.list("gaps_steps").and_then(|list| {
+        let step = |number: usize| u32::try_from(number).ok().filter(|step| *step <= 2000);
+        list.iter().map(|entry| whole_of(entry.get_ref()).and_then(step)).collect::<Option<Vec<u32>>>()
+    });
+    match steps.filter(|steps| !steps.is_empty() && steps.len() <= 1000) {
+        Some(steps) => Gaps::Steps(steps),
+        None => {
+            section.refuse("gaps_steps", "is no such list", "a list of whole numbers, one a lap, is allowed");
+            Gaps::Planner
+        }
+    }
+}
+
+/// The smallest gap between two vehicles on the ring, steps.
+pub(super) const SMALLEST_GAP: usize = 4;
+
+fn check_sweep(section: &Section, sweep: &Sweep, vehicles: usize) {
+    if sweep.planner == Planner::RotatingGap && vehicles * SMALLEST_GAP > sweep.positions {
+        let wrong = format!("is too few for {vehicles} vehicles at least {SMALLEST_GAP} steps apart");
+        section.refuse("positions", &wrong, "4 positions a vehicle are needed");
+    }
+    let Gaps::Steps(steps) = &sweep.gaps else { return };
+    if sweep.planner == Planner::Fan || vehicles != 2 {
+        let allowed = "leave it out, or sweep with two vehicles and planner = \"rotating-gap\"";
+        section.refuse("gaps_steps", "has a meaning only for two vehicles at a rotating gap", allowed);
+    }
+    let largest = (sweep.positions / 2) as u32;
+    if steps.iter().any(|step| !(SMALLEST_GAP as u32..=largest).contains(step)) {
+        let allowed = format!("gaps from {SMALLEST_GAP} to {largest} steps are allowed");
+        section.refuse("gaps_steps", "holds a gap that cannot be driven", &allowed);
+    }
+}
+
+/// How much a pixel counts for a link.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub enum Weights {
+    /// The chord through the pixel (Siddon).
+    Line,
+    /// d^−½ inside an ellipse.
+    Ellipse,
+    /// One over the area of the smallest ellipse through the pixel.
+    InverseArea,
+}
+
+/// How an image is found from the links.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub enum Solver {
+    /// Maximum a posteriori with an exponential covariance.
+    Map,
+    /// Tikhonov, the classical reference.
+    Tikhonov,
+}
+
+/// What is believed of an image before it is measured.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub struct Prior {
+    /// Standard deviation of a pixel, dB/m.
+    pub sigma_db_per_m: f64,
+    /// Distance over which the covariance falls to 1/e, metres.
+    pub correlation_length_m: f64,
+}
+
+/// How images are made.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub struct Imaging {
+    /// Columns of the image (west to east).
+    pub columns: usize,
+    /// Rows of the image (south to north).
+    pub rows: usize,
+    /// The weight model.
+    pub weights: Weights,
+    /// Tuning width of the ellipses, metres.
+    pub width_m: f64,
+    /// The solver.
+    pub solver: Solver,
+    /// Size of the bins into which moving ends are sorted, metres.
+    pub bin_m: f64,
+    /// The prior of the image of changes.
+    pub prior: Prior,
+    /// The prior of the absolute image.
+    pub structure_prior: Prior,
+    /// Links under this length are dropped, metres.
+    pub min_link_m: f64,
+    /// Width of the rim in which no peak is looked for, metres.
+    pub rim_m: f64,
+    /// The most objects that are reported.
+    pub peaks: usize,
+}
+
+impl Imaging {
+    pub(super) fn read(section: &Section) -> Imaging {
+        let (columns, rows) = read_pixels(section);
+        let weights =
+            [("line", Weights::Line), ("ellipse", Weights::Ellipse), ("inverse-area", Weights::InverseArea)];
+        let imaging = Imaging {
+            columns,
+            rows,
+            weights: section.choice("weights", Weights::InverseArea, &weights),
+            width_m: section.number("width_m", 0.3, 0.01..=10.0),
+            solver: section.choice(
+                "solver",
+                Solver::Map,
+                &[("map", Solver::Map), ("tikhonov", Solver::Tikhonov)],
+            ),
+            bin_m: section.number("bin_m", 0.5, 0.05..=10.0),
+            prior: read_prior(&section.section("prior"), 0.5, 1.0),
+            structure_prior: read_prior(&section.section("structure_prior"), 3.0, 2.0),
+            min_link_m: section.number("min_link_m", 3.0, 0.0..=100.0),
+            rim_m: section.number("rim_m", 1.5, 0.0..=100.0),
+            peaks: section.whole("peaks", 10, 1..=1000),
+        };
+        section.finish();
+        imaging
+    }
+}
+
+fn read_prior(section: &Section, sigma_db_per_m: f64, correlation_length_m: f64) -> Prior {
+    let prior = Prior {
+        sigma_db_per_m: section.number("sigma_db_per_m", sigma_db_per_m, 0.001..=100.0),
+        correlation_length_m: section.number("correlation_length_m", correlation_length_m, 0.01..=100.0),
+    };
+    section.finish();
+    prior
+}
+
+fn read_pixels(section: &Section) -> (usize, usize) {
+    let default = (40, 40);
+    if !section.has("pixels") {
+        return default;
+    }
+    let list = section.list("pixels").unwrap_or_default();
+    let numbers: Vec<usize> = list.iter().filter_map(|entry| whole_of(entry.get_ref())).collect();
+    match numbers[..] {
+        [columns, rows] if list.len() == 2 && (2..=400).contains(&columns) && (2..=400).contains(&rows) => {
+            (columns, rows)
+        }
+        _ => {
+            let allowed = "[columns, rows], each a whole number from 2 to 400, is allowed";
+            section.refuse("pixels", "is no such pair", allowed);
+            default
+        }
+    }
+}
+
+/// How long slow actors think in virtual time; never zero.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub struct Durations {
+    /// The imager, for one image.
+    pub imager: Duration,
+    /// The planner, for the next stops.
+    pub planner: Duration,
+    /// A vehicle's search for a route (A*).
+    pub route: Duration,
+}
+
+impl Durations {
+    pub(super) fn read(section: &Section) -> Durations {
+        let allowed = 0.001..=600.0;
+        let durations = Durations {
+            imager: section.duration("imager_s", 2.0, allowed.clone()),
+            planner: section.duration("planner_s", 0.5, allowed.clone()),
+            route: section.duration("route_s", 0.05, allowed),
+        };
+        section.finish();
+        durations
+    }
+}
+
+/// What vehicles do when the sweep is done.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub enum End {
+    /// They stay where they are.
+    Hold,
+    /// They drive home.
+    Return,
+}

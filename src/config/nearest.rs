@@ -1,0 +1,67 @@
+//! The nearest known word to a mistyped one.
+
+/// Gives the known word with the smallest edit distance, if it is near enough to be meant.
+pub(super) fn nearest<'a>(word: &str, known: &[&'a str]) -> Option<&'a str> {
+    let short: String = word.chars().take(64).collect();
+    let unit_left_out = format!("{short}_");
+    if let Some(whole) = known.iter().find(|name| name.starts_with(&unit_left_out)) {
+        return Some(whole);
+    }
+    let best = known.iter().map(|candidate| (distance(&short, candidate), *candidate)).min()?;
+    let near_enough = best.0 <= 2.max(short.chars().count() / 3);
+    let is_part = known.iter().copied().find(|name| is_stem(&short, name));
+    if near_enough { Some(best.1) } else { is_part }
+}
+
+/// Tells whether one word is the other with more written behind it ("radius" and "radius_m").
+fn is_stem(word: &str, known: &str) -> bool {
+    word.len() >= 3 && (known.starts_with(word) || word.starts_with(known))
+}
+
+/// Counts the insertions, deletions, replacements and swaps of neighbours between two words.
+fn distance(a: &str, b: &str) -> usize {
+    let (a, b): (Vec<char>, Vec<char>) = (a.chars().collect(), b.chars().collect());
+    let width = b.len() + 1;
+    let mut cost = vec![0; (a.len() + 1) * width];
+    for i in 0..=a.len() {
+        for j in 0..=b.len() {
+            cost[i * width + j] = match (i, j) {
+                (0, j) => j,
+                (i, 0) => i,
+                (i, j) => {
+                    let at = |back_i: usize, back_j: usize| cost[(i - back_i) * width + (j - back_j)];
+                    let replaced = at(1, 1) + usize::from(a[i - 1] != b[j - 1]);
+                    let edited = replaced.min(at(1, 0) + 1).min(at(0, 1) + 1);
+                    let can_swap = i > 1 && j > 1 && a[i - 1] == b[j - 2] && a[i - 2] == b[j - 1];
+                    if can_swap { edited.min(at(2, 2) + 1) } else { edited }
+                }
+            };
+        }
+    }
+    cost[cost.len() - 1]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn check(word: &str, expected: Option<&str>) {
+        assert_eq!(nearest(word, &["radius_m", "height_m", "count", "max_speed_mps"]), expected, "{word}");
+    }
+
+    #[test]
+    fn a_slip_of_the_pen_finds_the_word_that_was_meant() {
+        check("cuont", Some("count"));
+        check("radius", Some("radius_m"));
+        check("hieght_m", Some("height_m"));
+        check("max_sped_mps", Some("max_speed_mps"));
+        check("max_speed", Some("max_speed_mps"));
+        check("max", Some("max_speed_mps"));
+    }
+
+    #[test]
+    fn a_strange_word_finds_nothing() {
+        check("colour", None);
+        check(&"x".repeat(100_000), None);
+    }
+}

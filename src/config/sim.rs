@@ -1,0 +1,217 @@
+//! A simulated mission: its venue and scene, loaded, and every constant of vehicles, sensors, radio,
+//! bus, sweep and imaging; and the checks that concern several of them together.
+
+use std::time::Duration;
+
+use tomoswarm_proto::VehicleId;
+
+use super::mission::{Durations, End, Imaging, Planner, SMALLEST_GAP, Sweep};
+use super::radio::{Bus, Radio};
+use super::scene::SceneFile;
+use super::section::Section;
+use super::vehicle::{RangeSensor, Safety, Vehicles};
+use super::venue::Venue;
+use super::{Loader, beside, read_kind};
+use crate::geom::{Point, Segment};
+
+/// A simulation as its file describes it, checked; a run needs nothing else but a seed.
+#[derive(Clone, PartialEq, Debug)]
+pub struct Sim {
+    /// The place.
+    pub venue: Venue,
+    /// The world.
+    pub scene: SceneFile,
+    /// The vehicles.
+    pub vehicles: Vehicles,
+    /// Their range sensor.
+    pub range: RangeSensor,
+    /// The margins that they keep.
+    pub safety: Safety,
+    /// The radio field.
+    pub radio: Radio,
+    /// The bus.
+    pub bus: Bus,
+    /// How the sweep is driven.
+    pub sweep: Sweep,
+    /// Whether the same sweep is driven first without the persons.
+    pub empty_sweep: bool,
+    /// How images are made.
+    pub imaging: Imaging,
+    /// How long slow actors think.
+    pub durations: Durations,
+    /// When the run is given up, virtual time.
+    pub until: Duration,
+    /// What vehicles do at the end.
+    pub end: End,
+    /// The seed, unless the command line gives another.
+    pub seed: u64,
+}
+
+impl Sim {
+    /// Gives the ids of the vehicles, 1 to `count`.
+    pub fn vehicle_ids(&self) -> impl Iterator<Item = VehicleId> + use<> {
+        (1..=self.vehicles.count).filter_map(|id| u8::try_from(id).ok()).map(VehicleId)
+    }
+
+    /// Gives the place where a vehicle starts; `None` for a vehicle that is not of this simulation.
+    pub fn home(&self, vehicle: VehicleId) -> Option<Point> {
+        let index = usize::from(vehicle.0).checked_sub(1).filter(|index| *index < self.vehicles.count)?;
+        self.venue.homes.get(index).copied()
+    }
+
+    /// Reads a simulation and the files that it names; `vehicles` replaces the number of vehicles.
+    pub(super) fn read(root: &Section, vehicles: Option<usize>, loader: &mut Loader) -> Option<Sim> {
+        let venue = load(root, "venue", loader, |root| Some(Venue::read(root)));
+        let scene = load(root, "scene", loader, |root| Some(SceneFile::read(root)));
+        let fleet = Vehicles::read(&root.section("vehicles"), vehicles);
+        let count = fleet.count;
+        let ends = [("hold", End::Hold), ("return", End::Return)];
+        let (range, safety) =
+            (RangeSensor::read(&root.section("range")), Safety::read(&root.section("safety")));
+        let (radio, bus) = (Radio::read(&root.section("radio")), Bus::read(&root.section("bus"), count));
+        let (sweep, empty_sweep) =
+            (Sweep::read(&root.section("sweep"), count), root.flag("empty_sweep", false));
+        let imaging = Imaging::read(&root.section("imaging"));
+        let durations = Durations::read(&root.section("durations"));
+        let until = root.duration("until_s", 14_400.0, 1.0..=1e6);
+        let end = root.choice("end", End::Return, &ends);
+        let seed = root.whole("seed", 1, 0..=i64::MAX as usize) as u64;
+        root.finish();
+        check_look_before_you_drive(root, &fleet, &range, &safety);
+        check_poses(root, &fleet, &safety);
+        let (venue, scene) = (venue?, scene?);
+        let vehicles = fleet;
+        let sim = Sim {
+            venue,
+            scene,
+            vehicles,
+            range,
+            safety,
+            radio,
+            bus,
+            sweep,
+            empty_sweep,
+            imaging,
+            durations,
+            until,
+            end,
+            seed,
+        };
+        check_places(root, &sim);
+        Some(sim)
+    }
+}
+
+/// Loads a file that this one names; what is wrong with it is noted here too.
+fn load<T>(
+    root: &Section,
+    kind: &'static str,
+    loader: &mut Loader,
+    read: impl FnOnce(&Section) -> Option<T>,
+) -> Option<T> {
+    let needed = format!("the name of a {kind} file is needed, relative to this file");
+    root.require(kind, &needed);
+    let path = beside(root.source.file(), &root.text(kind)?);
+    let text = match loader(&path) {
+        Ok(text) => text,
+        Err(reason) => {
+            root.refuse(kind, &format!("{path} cannot be read: {reason}"), &needed);
+            return None;
+        }
+    };
+    match read_kind(&path, &text, kind, read) {
+        Ok(value) => Some(value),
+        Err(problems) => {
+            root.source.absorb(problems);
+            None
+        }
+    }
+}
+
+/// Refuses a speed at which a vehicle could not stop within what it surely sees.
+fn check_look_before_you_drive(root: &Section, fleet: &Vehicles, range: &RangeSensor, safety: &Safety) {
+    if !root.source.is_sound(&["vehicles", "range", "safety"]) {
+        return;
+    }
+    let cycle_s = range.look_cycle().as_secs_f64();
+    let needed_m = fleet.stopping_distance_m(cycle_s);
+    let seen_m = range.sure_range_m - fleet.radius_m - safety.padding_m;
+    if needed_m >= seen_m {
+        let wrong = format!(
+            "the vehicle cannot look before it drives: in one look cycle of {cycle_s:.2} s and while braking \
+             it covers {needed_m:.2} m, but only {seen_m:.2} m are surely seen ahead \
+             (sure_range_m less radius_m and padding_m)"
+        );
+        let allowed = "lower max_speed_mps, brake harder, scan faster or with fewer beams, or see farther";
+        root.source.refuse("vehicles.max_speed_mps", &wrong, allowed);
+    }
+}
+
+fn check_poses(root: &Section, fleet: &Vehicles, safety: &Safety) {
+    let are_sound = root.source.is_sound(&["vehicles.pose_sd_m", "safety.pose_sd_max_m"]);
+    if are_sound && fleet.pose_sd_m > safety.pose_sd_max_m {
+        let wrong = "is above safety.pose_sd_max_m: nothing would ever be measured";
+        root.source.refuse("vehicles.pose_sd_m", wrong, "at most pose_sd_max_m is allowed");
+    }
+}
+
+/// Checks the venue and the scene against the vehicles.
+fn check_places(root: &Section, sim: &Sim) {
+    if root.source.is_sound(&["vehicles", "safety", "sweep"]) {
+        check_homes(root, sim);
+        check_ring(root, sim);
+    }
+    let Some(random) = sim.scene.random_persons else { return };
+    let inner = sim.venue.area.shrunk(random.keep_from_border_m);
+    let room_m2 = inner.width_m() * inner.height_m();
+    // Discs of half the distance cover at least this share of the room when no more fit (jamming).
+    let taken_m2 = random.count as f64 * random.apart_m * random.apart_m * std::f64::consts::FRAC_PI_4;
+    if random.count > 0 && (inner.width_m() <= 0.0 || inner.height_m() <= 0.0 || taken_m2 > 0.5 * room_m2) {
+        let wrong = format!("{} random persons do not fit into the area of the venue", random.count);
+        root.refuse("scene", &wrong, "fewer persons or smaller distances are needed in [random_persons]");
+    }
+}
+
+fn check_homes(root: &Section, sim: &Sim) {
+    let (count, homes) = (sim.vehicles.count, &sim.venue.homes);
+    if homes.len() < count {
+        let wrong = format!("the venue has {} homes for {count} vehicles", homes.len());
+        root.source.refuse("vehicles.count", &wrong, "at most one vehicle per home is allowed");
+        return;
+    }
+    let apart_m = 2.0 * sim.vehicles.radius_m + sim.safety.separation_m;
+    let reach_m = sim.vehicles.radius_m + sim.safety.padding_m;
+    for (index, home) in homes.iter().take(count).enumerate() {
+        if !sim.venue.fence.contains_disc(*home, reach_m) {
+            let wrong = format!("home {} is nearer than {reach_m:.2} m to the fence", index + 1);
+            root.refuse("venue", &wrong, "a vehicle and its padding must fit at home");
+        }
+        let is_near = |other: &&Point| other.distance_to(*home) < apart_m;
+        if homes.iter().take(index).any(|other| is_near(&other)) {
+            let wrong = format!("home {} is nearer than {apart_m:.2} m to another", index + 1);
+            root.refuse("venue", &wrong, "homes must be two radii and separation_m apart");
+        }
+    }
+}
+
+fn check_ring(root: &Section, sim: &Sim) {
+    let reach_m = sim.vehicles.radius_m + sim.safety.padding_m;
+    let corners = sim.venue.area.corners();
+    let mut sides = corners.iter().zip(corners.iter().cycle().skip(1));
+    if !sides.all(|(from, to)| sim.venue.fence.contains_corridor(Segment::new(*from, *to), reach_m)) {
+        let wrong = format!("its fence leaves less than {reach_m:.2} m around the area");
+        root.refuse(
+            "venue",
+            &wrong,
+            "vehicles drive along the area's border and need their radius and padding",
+        );
+    }
+    let around_m = 2.0 * (sim.venue.area.width_m() + sim.venue.area.height_m());
+    let gap_m = around_m / sim.sweep.positions as f64 * SMALLEST_GAP as f64;
+    let apart_m = 2.0 * sim.vehicles.radius_m + sim.safety.separation_m;
+    if sim.sweep.planner == Planner::RotatingGap && sim.vehicles.count > 1 && gap_m < apart_m {
+        let wrong =
+            format!("puts {SMALLEST_GAP} steps into {gap_m:.2} m, under the separation of {apart_m:.2} m");
+        root.source.refuse("sweep.positions", &wrong, "fewer positions or a larger area are needed");
+    }
+}

@@ -1,0 +1,165 @@
+//! One file while it is read: its text with line numbers, its tree, and the list of what is wrong.
+//! Parses TOML once, with recovery, so that several syntax errors are found together.
+
+use std::cell::RefCell;
+use std::collections::BTreeMap;
+use std::ops::Range;
+
+use toml::Spanned;
+use toml::de::{DeTable, DeValue};
+
+use super::{Problem, Problems};
+
+/// The longest text that is read, bytes; a hand-written file is far below.
+const LIMIT_BYTES: usize = 1 << 20;
+/// How much of a value is shown in a message, characters.
+const SHOWN_CHARS: usize = 40;
+
+/// Why a problem was noted; decides what is still worth saying when the syntax is broken.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub(super) enum Class {
+    /// The text is no TOML here.
+    Syntax,
+    /// A key is missing or not known: a consequence, perhaps, of broken syntax elsewhere.
+    Keys,
+    /// A value is not allowed.
+    Value,
+}
+
+/// Where a value stands, for messages about it.
+#[derive(Clone, Debug)]
+struct Place {
+    line: usize,
+    value: String,
+}
+
+/// A file while it is read.
+pub(super) struct Source<'t> {
+    file: String,
+    text: &'t str,
+    line_starts: Vec<usize>,
+    found: RefCell<Vec<(Class, Problem)>>,
+    places: RefCell<BTreeMap<String, Place>>,
+}
+
+impl<'t> Source<'t> {
+    /// Begins to read a text under a name.
+    pub(super) fn new(file: &str, text: &'t str) -> Source<'t> {
+        let breaks = text.bytes().enumerate().filter(|(_, byte)| *byte == b'\n');
+        let line_starts = std::iter::once(0).chain(breaks.map(|(at, _)| at + 1)).collect();
+        let (found, places) = (RefCell::default(), RefCell::default());
+        Source { file: file.to_owned(), text, line_starts, found, places }
+    }
+
+    /// Gives the name of the file.
+    pub(super) fn file(&self) -> &str {
+        &self.file
+    }
+
+    /// Parses the text; what is no TOML is noted and left out of the tree.
+    pub(super) fn parse(&self) -> Spanned<DeTable<'t>> {
+        if self.text.len() > LIMIT_BYTES {
+            let wrong = format!("the file has {} bytes", self.text.len());
+            self.note(Class::Syntax, 1, "", "", &wrong, &format!("at most {LIMIT_BYTES} are read"));
+            return Spanned::new(0..0, DeTable::new());
+        }
+        let (tree, errors) = DeTable::parse_recoverable(self.text);
+        let mut last_line = 0;
+        for error in errors {
+            let line = self.line_of(error.span().unwrap_or(0..0));
+            // What follows on the same line is mostly a consequence.
+            if line == last_line {
+                continue;
+            }
+            last_line = line;
+            let message = error.message().lines().collect::<Vec<_>>().join(", ");
+            self.note(Class::Syntax, line, "", "", &format!("no valid TOML: {message}"), "");
+        }
+        tree
+    }
+
+    /// Gives the number of the line in which a span begins, counted from 1.
+    pub(super) fn line_of(&self, span: Range<usize>) -> usize {
+        self.line_starts.partition_point(|start| *start <= span.start).max(1)
+    }
+
+    /// Notes a problem.
+    pub(super) fn note(&self, class: Class, line: usize, key: &str, value: &str, wrong: &str, allowed: &str) {
+        let problem = Problem {
+            file: self.file.clone(),
+            line,
+            key: key.to_owned(),
+            value: value.to_owned(),
+            wrong: wrong.to_owned(),
+            allowed: allowed.to_owned(),
+        };
+        self.found.borrow_mut().push((class, problem));
+    }
+
+    /// Remembers where a key's value stands.
+    pub(super) fn remember(&self, key: &str, value: &Spanned<DeValue<'_>>) {
+        let place = Place { line: self.line_of(value.span()), value: self.shown(value) };
+        self.places.borrow_mut().insert(key.to_owned(), place);
+    }
+
+    /// Remembers what stands for a key that was left out or replaced.
+    pub(super) fn remember_as(&self, key: &str, line: usize, value: String) {
+        self.places.borrow_mut().insert(key.to_owned(), Place { line, value });
+    }
+
+    /// Notes a problem of a value that was read before, by its full key.
+    pub(super) fn refuse(&self, key: &str, wrong: &str, allowed: &str) {
+        let place = self.places.borrow().get(key).cloned();
+        let Place { line, value } = place.unwrap_or(Place { line: 1, value: String::new() });
+        self.note(Class::Value, line, key, &value, wrong, allowed);
+    }
+
+    /// Tells whether nothing is wrong with the given keys and what lies below them, so that a check
+    /// of several values together makes sense.
+    pub(super) fn is_sound(&self, keys: &[&str]) -> bool {
+        let concerns = |problem: &Problem, key: &str| {
+            let rest = problem.key.strip_prefix(key);
+            rest.is_some_and(|rest| rest.is_empty() || rest.starts_with(['.', '[']))
+        };
+        let found = self.found.borrow();
+        !found.iter().any(|(_, problem)| keys.iter().any(|key| concerns(problem, key)))
+    }
+
+    /// Adds what is wrong in a file that this one names.
+    pub(super) fn absorb(&self, problems: Problems) {
+        let others = problems.into_list().into_iter().map(|problem| (Class::Value, problem));
+        self.found.borrow_mut().extend(others);
+    }
+
+    /// Gives the value if nothing is wrong, and the problems otherwise.
+    pub(super) fn finish<T>(&self, value: Option<T>) -> Result<T, Problems> {
+        let found = self.found.take();
+        let broken: Vec<usize> =
+            found.iter().filter(|(class, _)| *class == Class::Syntax).map(|(_, p)| p.line).collect();
+        let is_worth_saying = |class: Class, problem: &Problem| match class {
+            Class::Syntax => true,
+            Class::Keys => broken.is_empty(),
+            Class::Value => problem.file != self.file || !broken.contains(&problem.line),
+        };
+        let kept: Vec<Problem> = found
+            .into_iter()
+            .filter(|(class, problem)| is_worth_saying(*class, problem))
+            .map(|(_, problem)| problem)
+            .collect();
+        match value {
+            Some(value) if kept.is_empty() => Ok(value),
+            Some(_) | None => Err(Problems::new(&self.file, kept)),
+        }
+    }
+
+    /// Gives the text of a value as it stands in the file, on one line and shortened.
+    pub(super) fn shown(&self, value: &Spanned<DeValue<'_>>) -> String {
+        let raw = self.text.get(value.span()).unwrap_or_default();
+        let printable = raw.chars().map(|c| if c.is_control() { ' ' } else { c });
+        let mut shown: String = printable.clone().take(SHOWN_CHARS).collect();
+        if printable.count() > SHOWN_CHARS {
+            shown.push('…');
+        }
+        shown
+    }
+}

@@ -1,0 +1,142 @@
+//! What vehicles can do, what their range sensor sees, and the margins that they keep. The reading
+//! half gives every key its default and its limits.
+
+use std::ops::RangeInclusive;
+use std::time::Duration;
+
+use super::section::Section;
+use crate::geom::Angle;
+
+/// How many vehicles a simulation may have.
+const VEHICLES: RangeInclusive<usize> = 1..=64;
+
+/// The vehicles of a simulation, all alike; their ids are 1 to `count`.
+#[derive(Clone, PartialEq, Debug)]
+pub struct Vehicles {
+    /// How many.
+    pub count: usize,
+    /// Radius of the body, metres.
+    pub radius_m: f64,
+    /// Height of the body, metres.
+    pub height_m: f64,
+    /// Height of the antenna above the ground, metres.
+    pub antenna_height_m: f64,
+    /// Speed limit, metres per second.
+    pub max_speed_mps: f64,
+    /// Acceleration, metres per second squared.
+    pub acceleration_mps2: f64,
+    /// Braking, metres per second squared, positive.
+    pub braking_mps2: f64,
+    /// Turn rate on the spot, radians per second.
+    pub turn_rate_rad_per_s: f64,
+    /// Standard deviation of each coordinate of the measured place, metres.
+    pub pose_sd_m: f64,
+    /// Time over which the error of the measured place drifts by its own size, seconds.
+    pub pose_correlation_s: f64,
+}
+
+impl Vehicles {
+    pub(super) fn read(section: &Section, count: Option<usize>) -> Vehicles {
+        let in_file = section.whole("count", 2, VEHICLES);
+        if let Some(count) = count {
+            section.replace("count", count, VEHICLES);
+        }
+        let vehicles = Vehicles {
+            count: count.unwrap_or(in_file),
+            radius_m: section.number("radius_m", 0.25, 0.05..=2.0),
+            height_m: section.number("height_m", 0.3, 0.05..=3.0),
+            antenna_height_m: section.number("antenna_height_m", 0.5, 0.05..=10.0),
+            max_speed_mps: section.number("max_speed_mps", 0.5, 0.01..=20.0),
+            acceleration_mps2: section.number("acceleration_mps2", 0.5, 0.01..=20.0),
+            braking_mps2: section.number("braking_mps2", 1.0, 0.01..=20.0),
+            turn_rate_rad_per_s: section.number("turn_rate_deg_per_s", 90.0, 1.0..=720.0).to_radians(),
+            pose_sd_m: section.number("pose_sd_m", 0.05, 0.0..=5.0),
+            pose_correlation_s: section.number("pose_correlation_s", 20.0, 0.1..=3600.0),
+        };
+        section.finish();
+        vehicles
+    }
+
+    /// Gives the way from noticing at full speed to standing still, when it takes `delay_s` until the
+    /// brakes are told, metres: v·t + v²/(2a).
+    pub fn stopping_distance_m(&self, delay_s: f64) -> f64 {
+        self.max_speed_mps * delay_s + self.max_speed_mps * self.max_speed_mps / (2.0 * self.braking_mps2)
+    }
+}
+
+/// A range sensor on a servo, which looks along its beams in turn.
+#[derive(Clone, PartialEq, Debug)]
+pub struct RangeSensor {
+    /// Height above the ground, metres.
+    pub height_m: f64,
+    /// Directions of the beams against the vehicle's heading, in the order in which they are looked
+    /// along.
+    pub beams: Vec<Angle>,
+    /// Half the opening of the cone, radians.
+    pub half_angle_rad: f64,
+    /// Nearest echo, metres.
+    pub min_range_m: f64,
+    /// Farthest echo, metres.
+    pub max_range_m: f64,
+    /// Up to here no echo means that nothing is there, metres.
+    pub sure_range_m: f64,
+    /// Time from one reading to the next (one beam each).
+    pub scan_period: Duration,
+    /// Angle between beam and the surface's normal beyond which no echo returns, radians.
+    pub incidence_limit_rad: f64,
+    /// Standard deviation of a reading, metres.
+    pub noise_sd_m: f64,
+}
+
+impl RangeSensor {
+    pub(super) fn read(section: &Section) -> RangeSensor {
+        let beams = section.numbers("beams_deg", &[0.0, 25.0, -25.0, 50.0, -50.0], 1..=64, -180.0..=180.0);
+        let sensor = RangeSensor {
+            height_m: section.number("height_m", 0.3, 0.02..=10.0),
+            beams: beams.into_iter().map(Angle::from_degrees).collect(),
+            half_angle_rad: section.number("half_angle_deg", 15.0, 0.1..=60.0).to_radians(),
+            min_range_m: section.number("min_range_m", 0.02, 0.0..=5.0),
+            max_range_m: section.number("max_range_m", 4.0, 0.1..=200.0),
+            sure_range_m: section.number("sure_range_m", 3.0, 0.1..=200.0),
+            scan_period: section.duration("scan_period_s", 0.1, 0.001..=10.0),
+            incidence_limit_rad: section.number("incidence_limit_deg", 60.0, 5.0..=90.0).to_radians(),
+            noise_sd_m: section.number("noise_sd_m", 0.01, 0.0..=1.0),
+        };
+        if sensor.sure_range_m > sensor.max_range_m {
+            section.refuse("sure_range_m", "is beyond max_range_m", "at most max_range_m is allowed");
+        }
+        if sensor.min_range_m >= sensor.sure_range_m {
+            section.refuse("min_range_m", "leaves nothing to see", "less than sure_range_m is allowed");
+        }
+        section.finish();
+        sensor
+    }
+
+    /// Gives the time in which every beam is looked along once.
+    pub fn look_cycle(&self) -> Duration {
+        self.scan_period * u32::try_from(self.beams.len()).unwrap_or(u32::MAX)
+    }
+}
+
+/// The margins that vehicles keep.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub struct Safety {
+    /// Room around a vehicle's body that must be known free, metres.
+    pub padding_m: f64,
+    /// Smallest distance between the bodies of two vehicles, edge to edge, metres.
+    pub separation_m: f64,
+    /// Above this deviation of the place nothing is measured or mapped, metres.
+    pub pose_sd_max_m: f64,
+}
+
+impl Safety {
+    pub(super) fn read(section: &Section) -> Safety {
+        let safety = Safety {
+            padding_m: section.number("padding_m", 0.1, 0.0..=5.0),
+            separation_m: section.number("separation_m", 0.5, 0.0..=20.0),
+            pose_sd_max_m: section.number("pose_sd_max_m", 0.5, 0.01..=10.0),
+        };
+        section.finish();
+        safety
+    }
+}

@@ -1,0 +1,214 @@
+//! The shared description of a place: every node of a swarm reads the same venue file, and its hash
+//! is how they notice when they do not. Knows nothing of what stands there (that is the scene).
+
+use super::outline::{CORNERS, simple_polygon};
+use super::section::{COORDINATE_M, Section};
+use crate::geom::{Bearing, Point, Polygon, Rect, Segment};
+
+/// The most homes of a venue; vehicle ids are one byte.
+const MOST_HOMES: usize = 250;
+/// The smallest distance between two homes, metres.
+const HOMES_APART_M: f64 = 1.0;
+/// The most cells along one side of the fence, so that a map stays within memory.
+const MOST_CELLS_A_SIDE: f64 = 10_000.0;
+
+/// Where the local frame lies on the earth.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub struct Datum {
+    /// Latitude of the frame's origin, degrees north (WGS84).
+    pub latitude_deg: f64,
+    /// Longitude of the frame's origin, degrees east (WGS84).
+    pub longitude_deg: f64,
+    /// Height of z = 0, metres above the ellipsoid (WGS84).
+    pub altitude_m: f64,
+}
+
+/// A place where a swarm works; all coordinates are metres in its local frame (x, y in the plane).
+#[derive(Clone, PartialEq, Debug)]
+pub struct Venue {
+    /// A plain name, fit to be part of a file's name.
+    pub name: String,
+    /// Where the frame's origin lies.
+    pub datum: Datum,
+    /// Compass bearing of the x axis (90° = x points east).
+    pub x_axis_bearing: Bearing,
+    /// The rectangle that is imaged.
+    pub area: Rect,
+    /// Where vehicles may be; a simple polygon with the area wholly inside.
+    pub fence: Polygon,
+    /// Where vehicles start and return to; vehicle 1 has the first.
+    pub homes: Vec<Point>,
+    /// Side of a map cell, metres.
+    pub cell_m: f64,
+    /// Heights between which one map slice lies, metres above z = 0, ascending; n + 1 borders make n
+    /// slices.
+    pub slice_borders_m: Vec<f64>,
+    /// The greatest height at which a vehicle may fly, metres above z = 0.
+    pub ceiling_m: f64,
+}
+
+impl Venue {
+    /// Gives a hash over everything that must be equal on all nodes: all but the name. Comments,
+    /// layout and the order of keys do not count. (FNV-1a, 64 bits, over the IEEE bytes.)
+    pub fn hash(&self) -> u64 {
+        let Datum { latitude_deg, longitude_deg, altitude_m } = self.datum;
+        let mut hash = Fnv::default();
+        hash.numbers(&[latitude_deg, longitude_deg, altitude_m, self.x_axis_bearing.radians()]);
+        hash.points(&[self.area.min, self.area.max]);
+        hash.points(self.fence.corners());
+        hash.points(&self.homes);
+        hash.numbers(&[self.cell_m, self.ceiling_m]);
+        hash.numbers(&self.slice_borders_m);
+        hash.0
+    }
+
+    /// Gives the number of altitude slices of the map.
+    pub fn slices(&self) -> usize {
+        self.slice_borders_m.len().saturating_sub(1)
+    }
+
+    /// Reads a venue; what is wrong is noted at the source.
+    pub(super) fn read(root: &Section) -> Venue {
+        let datum = read_datum(root);
+        let venue = Venue {
+            name: root.name("name", "venue"),
+            datum,
+            x_axis_bearing: Bearing::from_degrees(root.number("x_axis_bearing_deg", 90.0, 0.0..=360.0)),
+            area: read_area(root),
+            fence: read_fence(root),
+            homes: root.required_points("homes_m", 1..=MOST_HOMES),
+            cell_m: root.number("cell_m", 0.2, 0.05..=2.0),
+            slice_borders_m: read_slices(root),
+            ceiling_m: root.number("ceiling_m", 10.0, 0.5..=500.0),
+        };
+        root.finish();
+        if root.source.is_sound(&["area_m", "fence_m"]) {
+            check_area(root, &venue);
+        }
+        if root.source.is_sound(&["homes_m", "fence_m"]) {
+            check_homes(root, &venue);
+        }
+        venue
+    }
+}
+
+fn read_datum(root: &Section) -> Datum {
+    root.require("datum", "a table [datum] with latitude_deg and longitude_deg is needed");
+    let Some(section) = root.optional_section("datum") else {
+        return Datum { latitude_deg: 0.0, longitude_deg: 0.0, altitude_m: 0.0 };
+    };
+    // A local frame has no axes at the poles.
+    let datum = Datum {
+        latitude_deg: section.required_number("latitude_deg", -89.0..=89.0),
+        longitude_deg: section.required_number("longitude_deg", -180.0..=180.0),
+        altitude_m: section.number("altitude_m", 0.0, -500.0..=9000.0),
+    };
+    section.finish();
+    datum
+}
+
+fn read_area(root: &Section) -> Rect {
+    let rule = "[x0, y0, x1, y1] in metres is needed";
+    root.require("area_m", rule);
+    let nothing = Rect::new(Point::default(), Point::default());
+    let Some(numbers) = root.optional_numbers("area_m", 4..=4, COORDINATE_M) else { return nothing };
+    let (width_m, height_m) = (numbers[2] - numbers[0], numbers[3] - numbers[1]);
+    if width_m <= 0.0 || height_m <= 0.0 {
+        root.refuse("area_m", "the first corner is not south-west of the second", rule);
+        return nothing;
+    }
+    if !(1.0..=1000.0).contains(&width_m) || !(1.0..=1000.0).contains(&height_m) {
+        let wrong = format!("the area is {width_m} m by {height_m} m");
+        root.refuse("area_m", &wrong, "sides from 1 to 1000 m are allowed");
+    }
+    Rect::new(Point::new(numbers[0], numbers[1]), Point::new(numbers[2], numbers[3]))
+}
+
+fn read_fence(root: &Section) -> Polygon {
+    let corners = root.required_points("fence_m", CORNERS);
+    if corners.is_empty() {
+        return Polygon::new(corners);
+    }
+    simple_polygon(corners).unwrap_or_else(|wrong| {
+        root.refuse("fence_m", &wrong, "corners in order around a simple outline are needed");
+        Polygon::new(Vec::new())
+    })
+}
+
+fn read_slices(root: &Section) -> Vec<f64> {
+    let borders_m = root.numbers("altitude_slices_m", &[0.0, 2.0], 2..=17, -10.0..=500.0);
+    if borders_m.windows(2).any(|pair| pair[1] - pair[0] < 0.1) {
+        let allowed = "each border must lie at least 0.1 m above the one before";
+        root.refuse("altitude_slices_m", "the borders do not ascend", allowed);
+    }
+    borders_m
+}
+
+fn check_area(root: &Section, venue: &Venue) {
+    let corners = venue.area.corners();
+    for (index, from) in corners.iter().enumerate() {
+        let side = Segment::new(*from, corners[(index + 1) % corners.len()]);
+        if !venue.fence.contains_corridor(side, 0.01) {
+            let wrong = format!("its {} side leaves the fence", ["south", "east", "north", "west"][index]);
+            root.refuse("area_m", &wrong, "the area must lie wholly inside fence_m");
+            return;
+        }
+    }
+    let reach_m = |coordinate: fn(&Point) -> f64| {
+        let all = || venue.fence.corners().iter().map(coordinate);
+        all().fold(f64::NEG_INFINITY, f64::max) - all().fold(f64::INFINITY, f64::min)
+    };
+    let longest_m = reach_m(|point| point.x_m).max(reach_m(|point| point.y_m));
+    if longest_m / venue.cell_m > MOST_CELLS_A_SIDE {
+        let wrong = format!("the fence is {longest_m} m long, over {MOST_CELLS_A_SIDE} cells");
+        root.refuse("fence_m", &wrong, "make cell_m larger or the fence smaller");
+    }
+}
+
+fn check_homes(root: &Section, venue: &Venue) {
+    for (index, home) in venue.homes.iter().enumerate() {
+        let number = index + 1;
+        let Point { x_m, y_m } = *home;
+        if !venue.fence.contains_disc(*home, 0.01) {
+            let wrong = format!("home {number} ({x_m}, {y_m}) lies outside the fence");
+            root.refuse("homes_m", &wrong, "every home must lie inside fence_m");
+        }
+        let earlier = venue.homes.iter().take(index);
+        let nearest = earlier.enumerate().find(|(_, other)| other.distance_to(*home) < HOMES_APART_M);
+        if let Some((other, _)) = nearest {
+            let wrong = format!("homes {} and {number} are too near to each other", other + 1);
+            root.refuse("homes_m", &wrong, "homes must be at least 1 m apart");
+        }
+    }
+}
+
+/// The FNV-1a hash (Fowler, Noll, Vo), 64 bits.
+struct Fnv(u64);
+
+impl Default for Fnv {
+    fn default() -> Fnv {
+        Fnv(0xcbf2_9ce4_8422_2325)
+    }
+}
+
+impl Fnv {
+    fn bytes(&mut self, bytes: [u8; 8]) {
+        for byte in bytes {
+            self.0 = (self.0 ^ u64::from(byte)).wrapping_mul(0x0100_0000_01b3);
+        }
+    }
+
+    /// Takes in a list; its length too, so that neighbouring lists cannot be cut differently.
+    fn numbers(&mut self, numbers: &[f64]) {
+        self.bytes((numbers.len() as u64).to_le_bytes());
+        for number in numbers {
+            // Adding zero makes −0 and 0 the same.
+            self.bytes((number + 0.0).to_bits().to_le_bytes());
+        }
+    }
+
+    fn points(&mut self, points: &[Point]) {
+        let numbers: Vec<f64> = points.iter().flat_map(|point| [point.x_m, point.y_m]).collect();
+        self.numbers(&numbers);
+    }
+}

@@ -1,0 +1,106 @@
+//! The picture of an image: values in colour, each pixel of the image a plain rectangle of its one colour.
+//!
+//! No smoothing: what looks like a pixel is one. Where the image is finer than the picture, the mean is shown.
+
+use std::ops::Range;
+
+use embedded_graphics::geometry::Point;
+use embedded_graphics::pixelcolor::Rgb888;
+
+use crate::geom::PixelGrid;
+
+use super::bar::Bar;
+use super::colour::{ColourMap, DARK, INK, NOT_FINITE, PAPER};
+use super::layout::Layout;
+use super::legend::{Entry, Legend, Sample};
+use super::overlay::Overlay;
+use super::raster::Picture;
+use super::text::{SMALL, width_px, write};
+use super::{DrawError, axes, paint};
+
+const PAD_PX: u32 = 14;
+
+/// What a heat map shows.
+#[derive(Clone, PartialEq, Debug)]
+pub struct HeatMap<'a> {
+    /// Written above the plot.
+    pub title: String,
+    /// Where the pixels lie.
+    pub grid: PixelGrid,
+    /// One value a pixel, row-major, rows from south to north, columns from west to east, in `unit`. Values that are
+    /// not finite get a colour of their own.
+    pub values: &'a [f64],
+    /// The unit written at the colour bar, such as "dB/m".
+    pub unit: &'a str,
+    /// What is laid over the image.
+    pub overlays: Vec<Overlay>,
+    /// Values at the ends of the colour bar; values beyond take the end's colour and are noted at the bar. `None`
+    /// means from 0 to the largest value.
+    pub range: Option<(f64, f64)>,
+}
+
+impl Picture {
+    /// Draws a heat map and gives it as PNG bytes, north up.
+    ///
+    /// # Errors
+    /// [`DrawError::ValueCount`], [`DrawError::AreaNotFinite`].
+    pub fn heat(map: &HeatMap) -> Result<Vec<u8>, DrawError> {
+        let PixelGrid { area, columns, rows } = map.grid;
+        if columns.checked_mul(rows) != Some(map.values.len()) {
+            return Err(DrawError::ValueCount { columns, rows, got: map.values.len() });
+        }
+        let bar = Bar::new(map.values, map.range, map.unit);
+        let legend = Legend::new(not_finite_entry(map.values), &map.overlays);
+        let layout = Layout::new(area, &map.overlays, bar.side_px(), &legend)?;
+        let mut picture = Picture::new(layout.size, PAPER);
+        picture.fill(layout.plot, DARK.ground);
+        let colours = ColourMap::new();
+        values(&mut picture, &layout, map, |value| {
+            if value.is_finite() { colours.at(bar.share(value)) } else { NOT_FINITE }
+        });
+        if map.values.is_empty() || area.width_m() <= 0.0 || area.height_m() <= 0.0 {
+            nothing(&mut picture, &layout);
+        }
+        paint::overlays(&mut picture, &layout, &DARK, &map.overlays);
+        axes::draw(&mut picture, &layout, &map.title);
+        bar.draw(&mut picture, &colours, layout.plot);
+        let legend_at = Point::new(PAD_PX as i32, layout.legend_top);
+        legend.draw(&mut picture, &DARK, legend_at, layout.size.width - 2 * PAD_PX);
+        picture.png()
+    }
+}
+
+fn not_finite_entry(values: &[f64]) -> Vec<Entry> {
+    let text = "no value (not a finite number)".to_string();
+    let entry = Entry { sample: Sample::Fill(NOT_FINITE), text };
+    if values.iter().all(|value| value.is_finite()) { Vec::new() } else { vec![entry] }
+}
+
+/// Paints the values onto the plot.
+fn values(picture: &mut Picture, layout: &Layout, map: &HeatMap, colour: impl Fn(f64) -> Rgb888) {
+    let PixelGrid { area, columns, rows } = map.grid;
+    let across = layout.columns(area.min.x_m, map.grid.dx_m(), columns);
+    let down = layout.rows(area.min.y_m, map.grid.dy_m(), rows);
+    for (y, rows) in down.iter().enumerate().filter(|(_, rows)| !rows.is_empty()) {
+        for (x, columns_here) in across.iter().enumerate().filter(|(_, columns)| !columns.is_empty()) {
+            let value = mean(map.values, columns, columns_here, rows);
+            picture.set(layout.plot.top_left + Point::new(x as i32, y as i32), colour(value));
+        }
+    }
+}
+
+/// Gives the mean over some columns and rows; not finite as soon as one value is not, so that it cannot hide.
+fn mean(values: &[f64], pitch: usize, columns: &Range<usize>, rows: &Range<usize>) -> f64 {
+    let lines = rows.clone().map(|row| &values[row * pitch + columns.start..row * pitch + columns.end]);
+    let count = columns.len() * rows.len();
+    // Divided before summing, so that huge values do not overflow.
+    lines.flatten().map(|value| value / count as f64).sum()
+}
+
+/// Says that there is nothing to show.
+pub(super) fn nothing(picture: &mut Picture, layout: &Layout) {
+    let text = "no data";
+    let middle = layout.plot.center() - Point::new(width_px(text, SMALL) as i32 / 2, 7);
+    let ground = picture.colour_at(middle).unwrap_or(PAPER);
+    write(picture, text, middle, SMALL, if ground == DARK.ground { PAPER } else { INK });
+}

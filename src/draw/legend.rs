@@ -1,0 +1,119 @@
+//! The legend below the plot: one sample and one name for each kind of thing shown.
+
+use embedded_graphics::geometry::{Point, Size};
+use embedded_graphics::pixelcolor::Rgb888;
+use embedded_graphics::primitives::Rectangle;
+
+use super::axes::frame;
+use super::colour::{INK, Theme};
+use super::overlay::{Mark, Overlay};
+use super::paint::sample;
+use super::raster::Picture;
+use super::text::{SMALL, short, width_px, write};
+
+const TILE: Size = Size::new(34, 18);
+const ROW_PX: u32 = 26;
+const GAP_PX: u32 = 20;
+const TRACKS_MOST: usize = 8;
+
+/// A sample as the legend shows it.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub(super) enum Sample {
+    /// A mark on the plot's ground.
+    Mark(Mark),
+    /// A colour of the plot.
+    Fill(Rgb888),
+}
+
+/// One line of the legend.
+#[derive(Clone, PartialEq, Debug)]
+pub(super) struct Entry {
+    pub(super) sample: Sample,
+    pub(super) text: String,
+}
+
+/// The legend; empty when there is nothing to explain.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Legend {
+    entries: Vec<Entry>,
+}
+
+impl Legend {
+    /// Makes the legend from colours to explain and from the overlays used, each kind once, each named track once.
+    pub(super) fn new(fills: Vec<Entry>, overlays: &[Overlay]) -> Legend {
+        let mut marks: Vec<(Mark, String)> =
+            overlays.iter().map(|overlay| (overlay.mark(), short(&overlay.legend_text(), 32))).collect();
+        marks.sort();
+        marks.dedup();
+        let is_track = |mark: &Mark| matches!(mark, Mark::Track { .. });
+        if marks.iter().filter(|(mark, _)| is_track(mark)).count() > TRACKS_MOST {
+            marks.retain(|(mark, _)| !is_track(mark));
+            marks.push((Mark::Track { colour: 0 }, "vehicle tracks, one colour each".to_string()));
+        }
+        let marks = marks.into_iter().map(|(mark, text)| Entry { sample: Sample::Mark(mark), text });
+        Legend { entries: fills.into_iter().chain(marks).collect() }
+    }
+
+    /// Gives the height when laid out within a width, pixels.
+    pub(super) fn height_px(&self, width_px: u32) -> u32 {
+        self.corners(width_px).last().map_or(0, |corner| corner.y as u32 + ROW_PX)
+    }
+
+    /// Draws the legend with its upper left corner at a place.
+    pub(super) fn draw(&self, picture: &mut Picture, theme: &Theme, at: Point, width_px: u32) {
+        for (entry, corner) in self.entries.iter().zip(self.corners(width_px)) {
+            let tile = Rectangle::new(at + corner + Point::new(1, 3), TILE);
+            match entry.sample {
+                Sample::Mark(mark) => sample(picture, theme, mark, tile),
+                Sample::Fill(colour) => picture.fill(tile, colour),
+            }
+            frame(picture, tile);
+            let text_at = tile.top_left + Point::new(TILE.width as i32 + 8, 2);
+            write(picture, &entry.text, text_at, SMALL, INK);
+        }
+    }
+
+    /// Gives the upper left corner of each entry, row after row.
+    fn corners(&self, room_px: u32) -> Vec<Point> {
+        let mut next = Point::zero();
+        let mut corners = Vec::with_capacity(self.entries.len());
+        for entry in &self.entries {
+            let wide = (TILE.width + 10 + width_px(&entry.text, SMALL)) as i32;
+            if next.x > 0 && next.x + wide > room_px as i32 {
+                next = Point::new(0, next.y + ROW_PX as i32);
+            }
+            corners.push(next);
+            next.x += wide + GAP_PX as i32;
+        }
+        corners
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geom;
+
+    fn track(colour: usize, name: &str) -> Overlay {
+        Overlay::Track { points: Vec::new(), colour, label: Some(name.to_string()) }
+    }
+
+    #[test]
+    fn each_kind_is_named_once() {
+        let dot = |label: &str| Overlay::Dot { at: geom::Point::default(), label: Some(label.to_string()) };
+        let legend =
+            Legend::new(Vec::new(), &[dot("a"), track(1, "r2"), dot("b"), track(0, "r1"), track(1, "r2")]);
+        let texts: Vec<&str> = legend.entries.iter().map(|entry| entry.text.as_str()).collect();
+        assert_eq!(texts, ["track of r1", "track of r2", "vehicle"]);
+    }
+
+    #[test]
+    fn entries_stay_within_the_width() {
+        let tracks: Vec<Overlay> = (0..7).map(|i| track(i, &format!("rover{i}"))).collect();
+        let legend = Legend::new(Vec::new(), &tracks);
+        assert!(legend.corners(432).iter().all(|corner| corner.x + 44 + 7 * 15 <= 432));
+        assert!(legend.height_px(432) > legend.height_px(2000));
+        let many: Vec<Overlay> = (0..50).map(|i| track(i, &format!("rover{i}"))).collect();
+        assert_eq!(Legend::new(Vec::new(), &many).entries.len(), 1);
+    }
+}

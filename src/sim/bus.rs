@@ -1,0 +1,280 @@
+//! The bus between nodes, in memory: every message is encoded once by the sender's side and decoded
+//! by each receiver's, so that what cannot travel does not. It delays, drops, doubles, reorders and
+//! partitions by noise keyed by sender, count and receiver; nobody's traffic changes another's luck.
+//!
+//! It stores nothing: what is not delivered is gone. The caller hands the frames over in time.
+
+use std::collections::BTreeMap;
+use std::sync::Arc;
+use std::time::Duration;
+
+use tomoswarm_proto::Message;
+use tomoswarm_proto::codec::{DecodeError, EncodeError, decode, encode};
+
+use super::noise::{Noise, Purpose};
+use crate::time::Time;
+
+/// A node of the swarm: the ground station or a vehicle.
+pub use tomoswarm_proto::Sender as NodeId;
+
+/// Nothing arrives sooner than this.
+pub const SHORTEST_DELAY: Duration = Duration::from_micros(1);
+
+/// A time in which some nodes do not hear others.
+#[derive(Clone, PartialEq, Debug)]
+pub struct Partition {
+    /// When it begins.
+    pub from: Time,
+    /// When it is over.
+    pub until: Time,
+    /// Who still hears each other; nodes on no side are one more side.
+    pub sides: Vec<Vec<NodeId>>,
+}
+
+/// How the bus behaves.
+#[derive(Clone, PartialEq, Debug)]
+pub struct BusModel {
+    /// Shortest time on the way.
+    pub delay: Duration,
+    /// Evenly distributed addition to it.
+    pub jitter: Duration,
+    /// Share of deliveries that are lost, 0 to 1.
+    pub drop_share: f64,
+    /// Share of deliveries that come twice, 0 to 1.
+    pub duplicate_share: f64,
+    /// When the bus is cut.
+    pub partitions: Vec<Partition>,
+}
+
+impl Default for BusModel {
+    /// A wireless network in order: 5 to 15 ms, nothing lost.
+    fn default() -> BusModel {
+        BusModel {
+            delay: Duration::from_millis(5),
+            jitter: Duration::from_millis(10),
+            drop_share: 0.0,
+            duplicate_share: 0.0,
+            partitions: Vec::new(),
+        }
+    }
+}
+
+/// A frame that reaches a node.
+#[derive(Clone, PartialEq, Eq, Debug)]
+pub struct Delivery {
+    /// When.
+    pub at: Time,
+    /// Whom.
+    pub to: NodeId,
+    /// The bytes, for [`deliver`].
+    pub frame: Arc<[u8]>,
+}
+
+/// What a node has sent and was sent.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
+pub struct Traffic {
+    /// Messages it has sent, each counted once.
+    pub sent_messages: u64,
+    /// Their bytes.
+    pub sent_bytes: u64,
+    /// Deliveries to it, doubles included.
+    pub delivered_messages: u64,
+    /// Their bytes.
+    pub delivered_bytes: u64,
+    /// Messages for it that were dropped or cut off.
+    pub lost_messages: u64,
+}
+
+/// The bus.
+#[derive(Clone, Debug)]
+pub struct Bus {
+    noise: Noise,
+    model: BusModel,
+    traffic: BTreeMap<NodeId, Traffic>,
+}
+
+impl Bus {
+    /// Makes a bus over which nothing was sent yet.
+    pub fn new(noise: Noise, model: BusModel) -> Bus {
+        Bus { noise, model, traffic: BTreeMap::new() }
+    }
+
+    /// Sends a message to receivers (the sender among them is passed over) and gives what arrives.
+    ///
+    /// # Errors
+    /// The message is too long for a frame; nothing is sent.
+    pub fn send(
+        &mut self,
+        now: Time,
+        sender: NodeId,
+        message: &Message,
+        receivers: &[NodeId],
+    ) -> Result<Vec<Delivery>, EncodeError> {
+        let frame: Arc<[u8]> = encode(message)?.into();
+        let bytes = frame.len() as u64;
+        let traffic = self.traffic.entry(sender).or_default();
+        let count = traffic.sent_messages;
+        traffic.sent_messages += 1;
+        traffic.sent_bytes += bytes;
+        let mut deliveries = Vec::with_capacity(receivers.len());
+        for to in receivers.iter().copied().filter(|to| *to != sender) {
+            let copies = self.copies(now, sender, to, count);
+            let traffic = self.traffic.entry(to).or_default();
+            traffic.delivered_messages += copies;
+            traffic.delivered_bytes += copies * bytes;
+            traffic.lost_messages += u64::from(copies == 0);
+            deliveries.extend((0..copies).map(|copy| {
+                let at = now + self.delay(&[number(sender), count, number(to), copy]);
+                Delivery { at, to, frame: frame.clone() }
+            }));
+        }
+        Ok(deliveries)
+    }
+
+    /// Tells whether two nodes hear each other at a moment.
+    pub fn joins(&self, now: Time, a: NodeId, b: NodeId) -> bool {
+        let cut = |partition: &Partition| {
+            let side = |node| partition.sides.iter().position(|side| side.contains(&node));
+            (partition.from..partition.until).contains(&now) && side(a) != side(b)
+        };
+        !self.model.partitions.iter().any(cut)
+    }
+
+    /// Gives what every node has sent and was sent, ascending.
+    pub fn traffic(&self) -> &BTreeMap<NodeId, Traffic> {
+        &self.traffic
+    }
+
+    fn copies(&self, now: Time, sender: NodeId, to: NodeId, count: u64) -> u64 {
+        let ids = [number(sender), count, number(to)];
+        let dropped = self.noise.uniform(Purpose::BusDrop, &ids) < self.model.drop_share;
+        if dropped || !self.joins(now, sender, to) {
+            return 0;
+        }
+        1 + u64::from(self.noise.uniform(Purpose::BusDuplicate, &ids) < self.model.duplicate_share)
+    }
+
+    fn delay(&self, ids: &[u64]) -> Duration {
+        let jitter_ns = self.model.jitter.as_nanos() as f64 * self.noise.uniform(Purpose::BusDelay, ids);
+        self.model.delay.saturating_add(Duration::from_nanos(jitter_ns as u64)).max(SHORTEST_DELAY)
+    }
+}
+
+/// Reads a frame that was delivered.
+///
+/// # Errors
+/// The frame holds values that no message may have.
+pub fn deliver(frame: &[u8]) -> Result<Message, DecodeError> {
+    decode(frame)
+}
+
+fn number(node: NodeId) -> u64 {
+    match node {
+        NodeId::Ground => 0,
+        NodeId::Vehicle(vehicle) => 1 + u64::from(vehicle.0),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use tomoswarm_proto::{Progress, RunId, TileAddress, TileReport, VehicleId};
+
+    const A: NodeId = NodeId::Vehicle(VehicleId(1));
+    const B: NodeId = NodeId::Vehicle(VehicleId(2));
+    const ALL: [NodeId; 3] = [NodeId::Ground, A, B];
+
+    fn message(run: u32) -> Message {
+        Message::Progress(Progress { run: RunId(run), ..Progress::default() })
+    }
+
+    fn send_many(model: BusModel, count: u32) -> (Bus, Vec<Delivery>) {
+        let mut bus = Bus::new(Noise::new(1), model);
+        let sent = (0..count).flat_map(|run| bus.send(Time::ZERO, A, &message(run), &ALL).unwrap()).collect();
+        (bus, sent)
+    }
+
+    #[test]
+    fn everybody_but_the_sender_reads_what_was_sent_within_the_delay() {
+        let (_, sent) = send_many(BusModel::default(), 200);
+        for (index, delivery) in sent.iter().enumerate() {
+            assert_eq!(delivery.to, [NodeId::Ground, B][index % 2]);
+            assert_eq!(deliver(&delivery.frame), Ok(message(index as u32 / 2)));
+            let bounds = Duration::from_millis(5)..=Duration::from_millis(15);
+            assert!(bounds.contains(&delivery.at.since(Time::ZERO)));
+        }
+        assert!(sent.windows(3).any(|three| three[2].at < three[0].at), "some overtake others");
+    }
+
+    #[test]
+    fn shares_of_loss_and_doubles_are_kept() {
+        let model = BusModel { drop_share: 0.2, duplicate_share: 0.1, ..BusModel::default() };
+        let (bus, sent) = send_many(model, 10_000);
+        let to_ground = bus.traffic()[&NodeId::Ground];
+        assert!((to_ground.lost_messages as f64 - 2000.0).abs() < 160.0);
+        assert!((to_ground.delivered_messages as f64 - 8000.0 * 1.1).abs() < 200.0);
+        let delivered = to_ground.delivered_messages + bus.traffic()[&B].delivered_messages;
+        assert_eq!(sent.len() as u64, delivered);
+    }
+
+    #[test]
+    fn messages_and_bytes_are_counted_by_node() {
+        let (bus, sent) = send_many(BusModel::default(), 10);
+        let bytes: u64 = sent.iter().map(|delivery| delivery.frame.len() as u64).sum();
+        assert_eq!(bus.traffic()[&A].sent_messages, 10);
+        assert_eq!(bus.traffic()[&A].sent_bytes * 2, bytes);
+        assert_eq!(bus.traffic()[&B].delivered_bytes * 2, bytes);
+        assert_eq!(bus.traffic()[&A].delivered_messages, 0);
+    }
+
+    #[test]
+    fn a_partition_cuts_between_its_sides_while_it_lasts() {
+        let (from, until) = (Time::from_secs_f64(1.0), Time::from_secs_f64(2.0));
+        let partitions = vec![Partition { from, until, sides: vec![vec![A]] }];
+        let bus = Bus::new(Noise::new(1), BusModel { partitions, ..BusModel::default() });
+        let joined = |seconds_s, a, b| bus.joins(Time::from_secs_f64(seconds_s), a, b);
+        assert!(joined(0.9, A, B) && joined(2.0, A, B));
+        assert!(!joined(1.0, A, B) && !joined(1.5, NodeId::Ground, A));
+        assert!(joined(1.5, NodeId::Ground, B));
+        let mut bus = bus;
+        let sent = bus.send(from, B, &message(1), &ALL).unwrap();
+        assert_eq!(sent.iter().map(|delivery| delivery.to).collect::<Vec<_>>(), [NodeId::Ground]);
+        assert_eq!(bus.traffic()[&A].lost_messages, 1);
+    }
+
+    #[test]
+    fn the_traffic_of_another_node_changes_nobodys_luck() {
+        let model = BusModel { drop_share: 0.5, duplicate_share: 0.5, ..BusModel::default() };
+        let (_, alone) = send_many(model.clone(), 100);
+        let mut bus = Bus::new(Noise::new(1), model);
+        let mut among_others = Vec::new();
+        for run in 0..100 {
+            bus.send(Time::ZERO, B, &message(run), &ALL).unwrap();
+            among_others.extend(bus.send(Time::ZERO, A, &message(run), &[B, NodeId::Ground]).unwrap());
+        }
+        let sorted = |mut deliveries: Vec<Delivery>| {
+            deliveries.sort_by_key(|delivery| (delivery.at, delivery.to));
+            deliveries
+        };
+        assert_eq!(sorted(alone), sorted(among_others));
+    }
+
+    #[test]
+    fn a_bus_without_delay_still_takes_time() {
+        let model = BusModel { delay: Duration::ZERO, jitter: Duration::ZERO, ..BusModel::default() };
+        let (_, sent) = send_many(model, 1);
+        assert!(sent[0].at > Time::ZERO);
+    }
+
+    #[test]
+    fn what_no_message_may_hold_is_refused_on_either_side() {
+        let mut bus = Bus::new(Noise::new(1), BusModel::default());
+        let tile = |cells| {
+            let address = TileAddress::default();
+            Message::Tile(TileReport { layer: Default::default(), address, revision: 1, cells })
+        };
+        assert!(bus.send(Time::ZERO, A, &tile(vec![0; 300_000]), &ALL).is_err());
+        let sent = bus.send(Time::ZERO, A, &tile(vec![0; 3]), &ALL).unwrap();
+        assert!(deliver(&sent[0].frame).is_err());
+    }
+}
