@@ -81,10 +81,22 @@ fn values(picture: &mut Picture, layout: &Layout, map: &HeatMap, colour: impl Fn
     let PixelGrid { area, columns, rows } = map.grid;
     let across = layout.columns(area.min.x_m, map.grid.dx_m(), columns);
     let down = layout.rows(area.min.y_m, map.grid.dy_m(), rows);
-    for (y, rows) in down.iter().enumerate().filter(|(_, rows)| !rows.is_empty()) {
-        for (x, columns_here) in across.iter().enumerate().filter(|(_, columns)| !columns.is_empty()) {
-            let value = mean(map.values, columns, columns_here, rows);
-            picture.set(layout.plot.top_left + Point::new(x as i32, y as i32), colour(value));
+    let colour_of = |columns_here: &Range<usize>, rows: &Range<usize>| {
+        let shown = !columns_here.is_empty() && !rows.is_empty();
+        shown.then(|| colour(mean(map.values, columns, columns_here, rows)))
+    };
+    let mut line: Vec<Option<Rgb888>> = Vec::new();
+    let mut line_shows = None;
+    for (y, rows) in down.iter().enumerate() {
+        // Many pixel rows show the same row of the image; its colours are worked out once.
+        if line_shows != Some(rows) {
+            line = across.iter().map(|columns_here| colour_of(columns_here, rows)).collect();
+            line_shows = Some(rows);
+        }
+        for (x, colour) in line.iter().enumerate() {
+            if let Some(colour) = colour {
+                picture.set(layout.plot.top_left + Point::new(x as i32, y as i32), *colour);
+            }
         }
     }
 }
