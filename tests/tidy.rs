@@ -79,8 +79,9 @@ const NOT_EXACT: &[&str] = &[
 ];
 
 /// Gives all that is untidy in one source file; `path` is relative to the package ("src/map/tile.rs").
-fn complaints(path: &str, text: &str) -> Vec<String> {
-    let place = Place::of(path);
+fn complaints(path: &str, text: &str, is_test_module: bool) -> Vec<String> {
+    let mut place = Place::of(path);
+    place.is_test |= is_test_module;
     let code = without_comments_and_strings(text);
     let (product, tests) = split_off_tests(&code, place.is_test);
     let mut found = Vec::new();
@@ -318,9 +319,22 @@ fn character(text: &str) -> Option<usize> {
     body[c.len_utf8()..].starts_with('\'').then(|| 2 + c.len_utf8())
 }
 
+/// Gives the paths, without ending, of the modules that a file declares for its tests only
+/// (`#[cfg(test)] mod name;`).
+fn test_modules(path: &str, text: &str) -> Vec<String> {
+    let folder = path.trim_end_matches(".rs").trim_end_matches("/mod");
+    let code = without_comments_and_strings(text);
+    let declared = code.split("#[cfg(test)]").skip(1).filter_map(|item| {
+        let (name, _) = item.trim_start().strip_prefix("mod ")?.split_once(';')?;
+        (!name.contains('{')).then(|| format!("{folder}/{}", name.trim()))
+    });
+    declared.collect()
+}
+
 fn sources(folder: &Path) -> Vec<PathBuf> {
     let mut found = Vec::new();
-    for entry in fs::read_dir(folder).unwrap() {
+    let Ok(entries) = fs::read_dir(folder) else { return found };
+    for entry in entries {
         let path = entry.unwrap().path();
         if path.is_dir() {
             found.extend(sources(&path));
@@ -338,18 +352,26 @@ fn every_source_file_is_tidy() {
     let folders = ["src", "proto/src", "tests"].map(|folder| root.join(folder));
     let files: Vec<PathBuf> = folders.iter().flat_map(|folder| sources(folder)).collect();
     assert!(files.len() > 20, "only {} files were found", files.len());
-    let found: Vec<String> = files
+    let texts: Vec<(String, String)> = files
         .iter()
-        .flat_map(|file| {
+        .map(|file| {
             let path = file.strip_prefix(root).unwrap().to_str().unwrap().replace('\\', "/");
-            complaints(&path, &fs::read_to_string(file).unwrap())
+            (path, fs::read_to_string(file).unwrap())
         })
         .collect();
+    let for_tests: Vec<String> = texts.iter().flat_map(|(path, text)| test_modules(path, text)).collect();
+    let is_for_tests = |path: &str| {
+        let inside =
+            |module: &String| path.strip_prefix(module).is_some_and(|rest| rest.starts_with(['.', '/']));
+        for_tests.iter().any(|module| inside(module))
+    };
+    let found: Vec<String> =
+        texts.iter().flat_map(|(path, text)| complaints(path, text, is_for_tests(path))).collect();
     assert!(found.is_empty(), "\n{}\n", found.join("\n"));
 }
 
 fn check(path: &str, code: &str, expected: &[&str]) {
-    assert_eq!(complaints(path, &format!("//! A sample.\n{code}")), expected, "{code}");
+    assert_eq!(complaints(path, &format!("//! A sample.\n{code}"), false), expected, "{code}");
 }
 
 #[test]
@@ -400,7 +422,7 @@ fn a_file_that_is_too_long_or_says_nothing_is_seen() {
     let tests = format!("#[cfg(test)]\nmod tests {{\n{long}}}\n");
     check("src/map/tile.rs", &tests, &[]);
     check("src/map/tests.rs", &long, &[]);
-    let silent = complaints("src/map/tile.rs", "// A comment.\nconst A: u8 = 1;\n");
+    let silent = complaints("src/map/tile.rs", "// A comment.\nconst A: u8 = 1;\n", false);
     assert_eq!(silent, ["src/map/tile.rs: does not begin with //!, what it is for"]);
 }
 
@@ -416,6 +438,16 @@ fn what_pure_code_must_not_do_is_seen() {
     check("src/cli/sim.rs", "fn a() { println!(); let b = std::fs::read(c); }", &[]);
     check("src/cli/sim.rs", "fn a() { b.unwrap() }", &["src/cli/sim.rs:2: .unwrap() is not for this place"]);
     check("proto/src/id.rs", "fn a() { panic!(); }", &["proto/src/id.rs:2: panic!( is not for this place"]);
+}
+
+#[test]
+fn a_module_for_tests_only_is_known_by_its_declaration() {
+    let code = "mod a;\n#[cfg(test)]\nmod worlds;\n#[cfg(test)]\nmod tests { fn a() {} }\n";
+    assert_eq!(test_modules("src/map/mod.rs", code), ["src/map/worlds"]);
+    assert_eq!(test_modules("src/map/tile.rs", code), ["src/map/tile/worlds"]);
+    let product = complaints("src/map/worlds.rs", "//! A.\nfn a() { b.unwrap() }", false);
+    assert_eq!(product, ["src/map/worlds.rs:2: .unwrap() is not for this place"]);
+    assert!(complaints("src/map/worlds.rs", "//! A.\nfn a() { b.unwrap() }", true).is_empty());
 }
 
 #[test]
