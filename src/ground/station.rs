@@ -244,7 +244,7 @@ impl Station {
         out.extend(tiles.into_iter().map(|report| Out::Publish(Message::Tile(report))));
     }
 
-    fn wish(&mut self, now: Time, wish: Wish, out: &mut Vec<Out>) {
+    fn wish(&mut self, wish: Wish, out: &mut Vec<Out>) {
         match wish {
             Wish::Order(kind) => {
                 let run = self.run();
@@ -431,7 +431,7 @@ impl Actor for Station {
     fn handle(&mut self, now: Time, input: In, out: &mut Vec<Out>) -> Result<(), Fault> {
         match input {
             In::Bus(message) => self.hear(now, message, out),
-            In::Wish(wish) => self.wish(now, wish, out),
+            In::Wish(wish) => self.wish(wish, out),
             In::Planned(answer) => self.planned(now, answer, out),
         }
         Ok(())

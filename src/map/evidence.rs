@@ -6,7 +6,7 @@
 //!   the echo may come from something behind such a wall. A cell that has been hit is freed only by a cone that
 //!   holds all of it, so that a beam passing beside a wall's end does not wear it away.
 //! - **Hit** are cells on the arc at the echo's distance, more near the axis. Something on the arc answered, not
-//!   everything: so only the cells are hit that were the likeliest of the arc before. Known walls explain echoes.
+//!   everything: cells that looked free are spared when others of the arc explain the echo better.
 //! - Echoes from near a peer are not mapped. The place where the vehicle itself stands is free.
 //!
 //! Not here: glitch filtering (the sensor's business), the reflex stop (the vehicle's).
@@ -26,7 +26,7 @@ const FREE: i8 = -4;
 const HIT: i8 = 9;
 /// What an echo adds to the other cells of its arc: alone not enough to make one occupied, 0.1 log-odds.
 const HIT_ASIDE: i8 = 5;
-/// Cells of the arc that were less likely than the likeliest by more than this are not hit, 0.1 log-odds.
+/// A cell that looked free is not hit when the likeliest of the arc stands above it by more, 0.1 log-odds.
 const EXPLAINED_BY: i16 = 3;
 /// Between echo and freed cells stay one cell and this much, metres: the spread of a range reading.
 const FREE_MARGIN_M: f64 = 0.1;
@@ -204,7 +204,7 @@ impl Mapper {
         if peers.iter().any(near_peer) {
             return;
         }
-        let hit = self.arc.iter().filter(|cell| cell.merged >= likeliest - EXPLAINED_BY);
+        let hit = self.arc.iter().filter(|cell| cell.merged >= likeliest.min(EXPLAINED_BY) - EXPLAINED_BY);
         self.marks.extend(hit.map(|cell| cell.mark).filter(|mark| mark.new != mark.old));
     }
 

@@ -3,8 +3,18 @@
 pub mod body;
 pub mod bus;
 pub mod contact;
+mod kernel;
+pub mod log;
 mod motion;
 pub mod noise;
+mod outcome;
 pub mod queue;
 pub mod radio_field;
 pub mod range;
+mod scenario;
+mod world;
+
+pub use kernel::{EMPTY_RUN, RUN, Status};
+pub use outcome::{Counts, Found, Outcome};
+pub use scenario::{RunError, Scenario, ScenarioError};
+pub use world::Collision;

@@ -6,9 +6,10 @@
 //! ```
 //!
 //! An empty revision (no stops, start anywhere) makes every vehicle finish or hold its leg and report;
-//! only then is it known from where the next real revision must start. The plans of the current
-//! revision are repeated, every 5 s, by the caller. A vehicle that restarts (Hello with another boot)
-//! never adopts the running revision again: answer with [`Succession::stop`] and a new plan.
+//! only then is it known from where the next real revision must start. A run begins with one too,
+//! since a vehicle adopts no stops before an empty revision: so answer the restart of a vehicle (Hello
+//! with another boot) with [`Succession::stop`] and a new plan. The plans of the current revision are
+//! repeated, every 5 s, by the caller.
 
 use std::collections::BTreeSet;
 
@@ -132,5 +133,44 @@ impl Succession {
         } else {
             Phase::Stopped
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use tomoswarm_proto::{Stop, StopId};
+
+    fn report(vehicle: u8, revision: u32) -> Progress {
+        let (run, revision) = (RunId(4), Revision(revision));
+        Progress { vehicle: VehicleId(vehicle), run, revision, done: None, leg: None }
+    }
+
+    #[test]
+    fn a_new_revision_begins_once_all_have_stopped_under_an_empty_one() {
+        let mut ground = Succession::new(RunId(4), &[VehicleId(2), VehicleId(1)], Revision(6));
+        assert_eq!(ground.phase(), Phase::Resting);
+        assert!(ground.stop().iter().all(|plan| plan.revision == Revision(7) && plan.stops.is_empty()));
+        ground.hear(&report(1, 7));
+        ground.hear(&report(2, 6));
+        ground.hear(&report(9, 7));
+        assert_eq!(ground.phase(), Phase::Stopping);
+        assert_eq!(ground.missing().collect::<Vec<_>>(), [VehicleId(2)]);
+        ground.hear(&report(2, 7));
+        assert_eq!(ground.phase(), Phase::Stopped);
+        let mut plans = ground.plans().to_vec();
+        assert!(ground.begin(plans[..1].to_vec()).is_err());
+        assert_eq!(ground.phase(), Phase::Stopped);
+        plans[0].stops.push(Stop {
+            id: StopId(1),
+            at: Position::default(),
+            route: vec![],
+            dwell_ms: 0,
+            dwell_limit_ms: 0,
+            partners: vec![],
+            after: vec![],
+        });
+        assert!(ground.begin(plans).unwrap().iter().all(|plan| plan.revision == Revision(8)));
+        assert_eq!(ground.phase(), Phase::Driving);
     }
 }

@@ -32,11 +32,6 @@ pub struct Way {
 }
 
 impl Way {
-    /// Makes a way without corners, at a place.
-    pub fn at(place: Point) -> Way {
-        Way { behind: place, ahead: VecDeque::new(), behind_m: 0.0 }
-    }
-
     /// Tells whether nothing is ahead.
     pub fn is_empty(&self) -> bool {
         self.ahead.is_empty()
@@ -146,7 +141,7 @@ mod tests {
     use super::*;
 
     fn way() -> Way {
-        let mut way = Way::at(Point::new(0.0, 0.0));
+        let mut way = Way::default();
         way.append([Point::new(1.0, 0.0)], Point::new(2.0, 0.0), Some(StopId(1)));
         way.append([], Point::new(2.0, 3.0), Some(StopId(2)));
         way

@@ -1,0 +1,181 @@
+//! What a run leaves behind: facts for pictures, files and tests. Nothing here is written anywhere.
+
+use tomoswarm_proto::{RunId, VehicleId};
+
+use super::kernel::{EMPTY_RUN, RUN};
+use super::log::{Log, image_hash};
+use super::world::Collision;
+use crate::geom::Point;
+use crate::ground::imager::{Picture, Subject};
+use crate::map::Merged;
+use crate::scene::{Outline, Person};
+use crate::time::Time;
+use crate::tomo::{Link, Peak, Reconstruction};
+
+/// Peaks weaker than this share of the strongest, or less significant than [`SIGNIFICANT`], are no finds.
+const FOUND_SHARE: f64 = 0.35;
+/// Ratio of a peak to the image's noise above which it is a find.
+const SIGNIFICANT: f64 = 4.0;
+
+/// How often things happened.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
+pub struct Counts {
+    /// Events of the kernel.
+    pub events: u64,
+    /// Range readings.
+    pub scans: u64,
+    /// Beacons that were received, each receiver counted.
+    pub beacons_heard: u64,
+    /// Beacons lost because two spoke at once.
+    pub collided_beacons: u64,
+    /// Messages delivered by the bus.
+    pub messages: u64,
+}
+
+/// What is written down while a run goes on.
+pub(super) struct Recorder {
+    pub log: Log,
+    pub counts: Counts,
+    pub tracks: Vec<(VehicleId, Vec<Point>)>,
+    pub pictures: Vec<Picture>,
+    pub sweep_done: bool,
+    pub empty_done: bool,
+    pub failure: Option<String>,
+}
+
+impl Recorder {
+    pub fn new(ids: &[VehicleId]) -> Recorder {
+        Recorder {
+            log: Log::default(),
+            counts: Counts::default(),
+            tracks: ids.iter().map(|id| (*id, Vec::new())).collect(),
+            pictures: Vec::new(),
+            sweep_done: false,
+            empty_done: false,
+            failure: None,
+        }
+    }
+
+    pub fn track(&mut self, vehicle: usize, at: Point) {
+        let track = &mut self.tracks[vehicle].1;
+        if track.last().is_none_or(|last| last.distance_to(at) > 0.05) {
+            track.push(at);
+        }
+    }
+
+    /// Keeps a picture in place of an earlier one of its kind, and logs it with values in steps.
+    pub fn picture(&mut self, now: Time, picture: Picture) {
+        match &picture.result {
+            Err(reason) => self.log.line(now, "imager", format_args!("{:?}: {reason}", picture.subject)),
+            Ok(made) => self.log.line(
+                now,
+                "imager",
+                format_args!(
+                    "{:?} of run {} after {} laps: {} links, hash {:016x}, peaks {}",
+                    picture.subject,
+                    picture.run,
+                    picture.laps,
+                    made.used,
+                    image_hash(&made.image),
+                    peaks_in_words(&made.peaks)
+                ),
+            ),
+        }
+        self.pictures.retain(|known| (known.run, known.subject) != (picture.run, picture.subject));
+        self.pictures.push(picture);
+    }
+}
+
+fn peaks_in_words(peaks: &[Peak]) -> String {
+    let word = |peak: &Peak| format!("{:.2},{:.2}:{:.2}", peak.at.x_m, peak.at.y_m, peak.strength);
+    peaks.iter().take(4).map(word).collect::<Vec<_>>().join(" ")
+}
+
+/// An object found in the picture of changes.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub struct Found {
+    /// Where.
+    pub at: Point,
+    /// How strong, dB/m.
+    pub strength: f64,
+    /// Distance to the nearest true person, metres; `None` when there is none.
+    pub error_m: Option<f64>,
+}
+
+/// Everything that a run leaves behind.
+pub struct Outcome {
+    /// Whether all sweeps were driven to their end.
+    pub finished: bool,
+    /// Why not, if not.
+    pub failure: Option<String>,
+    /// Virtual time at the end.
+    pub simulated: Time,
+    /// What the referee saw.
+    pub collisions: Vec<Collision>,
+    /// How many commands led over the fence.
+    pub fence_breaches: usize,
+    /// Smallest distance between the middles of two vehicles, metres; `None` for one alone.
+    pub min_separation_m: Option<f64>,
+    /// Samples stored of the main sweep.
+    pub samples: u64,
+    /// Links of the main sweep.
+    pub links: Vec<Link>,
+    /// Links of the empty sweep; none without one.
+    pub empty_links: Vec<Link>,
+    /// What changed since the empty sweep, if there was one.
+    pub change: Option<Reconstruction>,
+    /// What stands there.
+    pub structure: Option<Reconstruction>,
+    /// The merged map of the ground station.
+    pub map: Merged,
+    /// Where each vehicle truly was, about once a second.
+    pub tracks: Vec<(VehicleId, Vec<Point>)>,
+    /// Who stood in the scene.
+    pub persons: Vec<Person>,
+    /// What stood in the scene at antenna height, without the persons.
+    pub outlines: Vec<Outline>,
+    /// How often things happened.
+    pub counts: Counts,
+    /// Bytes that all nodes sent over the bus.
+    pub bus_bytes: u64,
+    /// The deterministic log.
+    pub log: String,
+}
+
+impl Outcome {
+    /// Takes the last picture of a subject of the main run out of those recorded.
+    pub(super) fn take(pictures: &mut Vec<Picture>, subject: Subject) -> Option<Reconstruction> {
+        let index = pictures.iter().position(|picture| (picture.run, picture.subject) == (RUN, subject))?;
+        pictures.remove(index).result.ok()
+    }
+
+    /// Gives the runs of a scenario: the empty one and the main one.
+    pub fn runs() -> (RunId, RunId) {
+        (EMPTY_RUN, RUN)
+    }
+
+    /// Gives the objects found in the picture of changes, strongest first.
+    pub fn found(&self) -> Vec<Found> {
+        let Some(change) = &self.change else { return Vec::new() };
+        let strongest = change.peaks.first().map_or(0.0, |peak| peak.strength);
+        let is_find = |peak: &&Peak| {
+            peak.strength >= FOUND_SHARE * strongest
+                && peak.significance >= SIGNIFICANT
+                && peak.strength > 0.0
+        };
+        change.peaks.iter().filter(is_find).map(|peak| self.find(peak)).collect()
+    }
+
+    fn find(&self, peak: &Peak) -> Found {
+        let distances = self.persons.iter().map(|person| person.at.distance_to(peak.at));
+        Found { at: peak.at, strength: peak.strength, error_m: distances.min_by(f64::total_cmp) }
+    }
+
+    /// Tells whether every person was found within a distance.
+    pub fn all_found_within(&self, distance_m: f64) -> bool {
+        let found = self.found();
+        self.persons
+            .iter()
+            .all(|person| found.iter().any(|find| find.at.distance_to(person.at) <= distance_m))
+    }
+}

@@ -1,0 +1,428 @@
+//! From a checked simulation file, its shapes and a seed to a run, and from the run to its outcome.
+
+use std::time::Duration;
+
+use tomoswarm_proto::{Boot, Lease, VehicleId};
+
+use super::body::Limits;
+use super::bus::{Bus, BusModel, Partition};
+use super::kernel::{EMPTY_RUN, Kernel, Parts, RUN, Status};
+use super::noise::{Noise, Purpose};
+use super::outcome::Outcome;
+use super::radio_field::{RadioConstants, RadioField};
+use super::range::{RangeModel, RangeSensor};
+use super::world::{Build, Stage, World};
+use crate::actor::Fault;
+use crate::config::{self, Planner as PlannerName, Sim, Solver as SolverName, Weights};
+use crate::geom::{Angle, Lattice, PixelGrid, Point};
+use crate::ground::GroundNode;
+use crate::ground::imager::{Imager, Subject};
+use crate::ground::planner::{Method, Planner};
+use crate::ground::station::{Station, StationSettings};
+use crate::node::{
+    BodySettings, LookSettings, RadioSettings, SafetySettings, Settings as NodeSettings, VehicleNode,
+};
+use crate::scene::{Attenuation, Material, Person, Scene, SceneError, SceneParts, VrmlShape};
+use crate::sweep::{Ring, SweepError};
+use crate::time::Time;
+use crate::tomo::{self, Prior, SPOT_M, Settings as ImageSettings, Solver, TomoError, WeightModel};
+
+/// Share of the scan period in which the servo has to settle.
+const SETTLE_SHARE: f64 = 0.5;
+/// Tries to place a person before the scene is held to be too full.
+const PLACING_TRIES: u64 = 10_000;
+/// Time at each stop of the fan.
+const FAN_DWELL: Duration = Duration::from_secs(1);
+
+/// Why a scenario cannot be run.
+#[derive(Clone, PartialEq, Debug, thiserror::Error)]
+pub enum ScenarioError {
+    /// The scene cannot be built.
+    #[error("scene: {0}")]
+    Scene(#[from] SceneError),
+    /// There is no room for the persons.
+    #[error("scene: no room for person {number} of {count} within the rules of [random_persons]")]
+    NoRoom {
+        /// Which one.
+        number: usize,
+        /// Of how many.
+        count: usize,
+    },
+    /// A vehicle starts inside something.
+    #[error("vehicle {vehicle} starts {clearance_m:.2} m from an object, its radius is {radius_m} m")]
+    StartsInside {
+        /// Which one.
+        vehicle: VehicleId,
+        /// Distance from its middle to the object, metres.
+        clearance_m: f64,
+        /// Its radius, metres.
+        radius_m: f64,
+    },
+    /// The ring cannot be laid around the area.
+    #[error("sweep: {0}")]
+    Sweep(#[from] SweepError),
+    /// The image cannot be made.
+    #[error("imaging: {0}")]
+    Image(#[from] TomoError),
+    /// A vehicle cannot be put into the world.
+    #[error("vehicle {vehicle}: {reason}")]
+    Body {
+        /// Which one.
+        vehicle: VehicleId,
+        /// Why.
+        reason: String,
+    },
+}
+
+/// A simulation with a seed, ready to be run.
+pub struct Scenario {
+    sim: Sim,
+    shapes: Vec<VrmlShape>,
+    noise: Noise,
+    persons: Vec<Person>,
+    ring: Ring,
+    /// Events of one moment come in an order drawn by the seed, to find what depends on it.
+    pub shuffle_ties: bool,
+}
+
+impl Scenario {
+    /// Checks what the files alone could not tell, and places the persons by the seed.
+    ///
+    /// # Errors
+    /// [`ScenarioError`].
+    pub fn new(sim: Sim, shapes: Vec<VrmlShape>, seed: u64) -> Result<Scenario, ScenarioError> {
+        let noise = Noise::new(seed);
+        let ring = Ring::new(sim.venue.area, sim.sweep.positions)?;
+        let mut scenario = Scenario { sim, shapes, noise, persons: Vec::new(), ring, shuffle_ties: false };
+        let structure = scenario.scene(&[])?;
+        scenario.persons = scenario.place_persons(&structure)?;
+        scenario.check_starts(&structure)?;
+        Ok(scenario)
+    }
+
+    /// Gives the simulation that is run.
+    pub fn sim(&self) -> &Sim {
+        &self.sim
+    }
+
+    /// Gives who stands in the scene.
+    pub fn persons(&self) -> &[Person] {
+        &self.persons
+    }
+
+    /// Gives the positions that are measured from.
+    pub fn ring(&self) -> &Ring {
+        &self.ring
+    }
+
+    /// Gives the planner of the sweep.
+    pub fn method(&self) -> Method {
+        let laps = self.sim.sweep.laps;
+        match self.sim.sweep.planner {
+            PlannerName::RotatingGap => Method::RotatingGap { laps },
+            PlannerName::Fan => Method::Fan { rounds: laps, dwell: FAN_DWELL },
+        }
+    }
+
+    fn scene(&self, persons: &[Person]) -> Result<Scene, SceneError> {
+        let file = &self.sim.scene;
+        let material =
+            |m: config::Material| Material { db_per_m: m.db_per_m, db_per_crossing: m.db_per_crossing };
+        let materials = file.materials.iter().map(|(name, m)| (name.clone(), material(*m))).collect();
+        Scene::build(&SceneParts {
+            shapes: &self.shapes,
+            offset_m: file.offset_m,
+            materials: &materials,
+            default_material: material(file.default_material),
+            persons,
+        })
+    }
+
+    fn stage(&self, persons: &[Person]) -> Result<Stage, SceneError> {
+        let scene = self.scene(persons)?;
+        let height_m = self.sim.vehicles.antenna_height_m;
+        let attenuation = Attenuation::new(&scene, height_m, self.sim.radio.wavelength_m());
+        Ok(Stage { scene, attenuation })
+    }
+
+    fn place_persons(&self, structure: &Scene) -> Result<Vec<Person>, ScenarioError> {
+        let file = &self.sim.scene;
+        let mut persons: Vec<Person> = file.persons.iter().map(person).collect();
+        let Some(rules) = &file.random_persons else { return Ok(persons) };
+        let room = self.sim.venue.area.shrunk(rules.keep_from_border_m);
+        for number in 1..=rules.count {
+            let place =
+                (0..PLACING_TRIES).map(|attempt| self.draw_place(room, number, attempt)).find(|place| {
+                    let clear_m = structure.clearance_m(*place, 0.0, rules.height_m);
+                    clear_m >= rules.keep_from_objects_m
+                        && persons.iter().all(|other| other.at.distance_to(*place) >= rules.apart_m)
+                });
+            let Some(at) = place else { return Err(ScenarioError::NoRoom { number, count: rules.count }) };
+            let (radius_m, height_m, db_per_m) = (rules.radius_m, rules.height_m, rules.db_per_m);
+            persons.push(Person { name: format!("person {number}"), at, radius_m, height_m, db_per_m });
+        }
+        Ok(persons)
+    }
+
+    fn draw_place(&self, room: crate::geom::Rect, number: usize, attempt: u64) -> Point {
+        let draw = |axis: u64| self.noise.uniform(Purpose::Placement, &[number as u64, attempt, axis]);
+        Point::new(room.min.x_m + draw(0) * room.width_m(), room.min.y_m + draw(1) * room.height_m())
+    }
+
+    fn check_starts(&self, structure: &Scene) -> Result<(), ScenarioError> {
+        let vehicles = &self.sim.vehicles;
+        for vehicle in self.sim.vehicle_ids() {
+            let Some(home) = self.sim.home(vehicle) else { continue };
+            let clearance_m = structure.clearance_m(home, 0.0, vehicles.height_m);
+            if clearance_m <= vehicles.radius_m {
+                let radius_m = vehicles.radius_m;
+                return Err(ScenarioError::StartsInside { vehicle, clearance_m, radius_m });
+            }
+        }
+        Ok(())
+    }
+
+    /// Runs the scenario; `watch` is asked once a virtual second whether to go on.
+    ///
+    /// # Errors
+    /// The scenario is impossible, or an actor cannot go on.
+    pub fn run(&self, watch: &mut dyn FnMut(&Status) -> bool) -> Result<Outcome, RunError> {
+        let mut kernel = Kernel::new(self.parts()?);
+        kernel.run(watch)?;
+        Ok(self.outcome(kernel)?)
+    }
+
+    fn parts(&self) -> Result<Parts, ScenarioError> {
+        let (sim, noise) = (&self.sim, self.noise);
+        let populated = self.stage(&self.persons)?;
+        let (first, second) =
+            if sim.empty_sweep { (self.stage(&[])?, Some(populated)) } else { (populated, None) };
+        let mut world = World::new(
+            first,
+            self.build(),
+            sim.venue.fence.clone(),
+            noise,
+            RadioField::new(noise, self.radio()),
+            RangeSensor::new(self.range()),
+        );
+        let mut vehicles = Vec::new();
+        for vehicle in sim.vehicle_ids() {
+            let Some(home) = sim.home(vehicle) else { continue };
+            let heading = home.angle_to(sim.venue.area.centre());
+            world.place(vehicle, home, heading).map_err(|reason| ScenarioError::Body { vehicle, reason })?;
+            vehicles.push(VehicleNode::new(&self.node(vehicle, home)));
+        }
+        Ok(Parts {
+            noise,
+            world,
+            bus: Bus::new(noise, self.bus()),
+            vehicles,
+            ground: self.ground()?,
+            populated: second,
+            end: sim.end,
+            until: Time::ZERO + sim.until,
+            shuffle_ties: self.shuffle_ties,
+        })
+    }
+
+    fn build(&self) -> Build {
+        let vehicles = &self.sim.vehicles;
+        Build {
+            radius_m: vehicles.radius_m,
+            height_m: vehicles.height_m,
+            sensor_m: self.sim.range.height_m,
+            limits: Limits {
+                speed_mps: vehicles.max_speed_mps,
+                acceleration_mps2: vehicles.acceleration_mps2,
+                braking_mps2: vehicles.braking_mps2,
+                turn_rate_radps: vehicles.turn_rate_rad_per_s,
+            },
+            pose_sd_m: vehicles.pose_sd_m,
+            pose_drift: Duration::from_secs_f64(vehicles.pose_correlation_s),
+        }
+    }
+
+    fn radio(&self) -> RadioConstants {
+        let radio = &self.sim.radio;
+        RadioConstants {
+            // P0 holds for the configured transmit power, the field adds the power of each beacon.
+            p0_dbm: radio.p0_dbm - f64::from(radio.power_dbm),
+            exponent: radio.exponent,
+            wavelength_m: radio.wavelength_m(),
+            rician_k: radio.rician_k,
+            packet_sd_db: radio.packet_sd_db,
+            sensitivity_dbm: radio.sensitivity_dbm,
+            slope_db: radio.sensitivity_slope_db,
+        }
+    }
+
+    fn range(&self) -> RangeModel {
+        let range = &self.sim.range;
+        RangeModel {
+            half_angle_rad: range.half_angle_rad,
+            min_m: range.min_range_m,
+            max_m: range.max_range_m,
+            incidence_max_rad: range.incidence_limit_rad,
+            sd_m: range.noise_sd_m,
+            ..RangeModel::default()
+        }
+    }
+
+    fn bus(&self) -> BusModel {
+        let bus = &self.sim.bus;
+        let cut = |cut: &config::Partition| Partition {
+            from: cut.from,
+            until: cut.until,
+            sides: cut.sides.clone(),
+        };
+        BusModel {
+            delay: bus.delay,
+            jitter: bus.jitter,
+            drop_share: bus.drop_share,
+            partitions: bus.partitions.iter().map(cut).collect(),
+            ..BusModel::default()
+        }
+    }
+
+    fn lattice(&self) -> Lattice {
+        Lattice::new(self.sim.venue.cell_m)
+    }
+
+    fn node(&self, vehicle: VehicleId, home: Point) -> NodeSettings {
+        let (sim, range) = (&self.sim, &self.sim.range);
+        NodeSettings {
+            vehicle,
+            boot: Boot(1),
+            fence: sim.venue.fence.clone(),
+            home,
+            lattice: self.lattice(),
+            slice: 0,
+            body: BodySettings {
+                radius_m: sim.vehicles.radius_m,
+                speed_mps: sim.vehicles.max_speed_mps,
+                braking_mps2: sim.vehicles.braking_mps2,
+            },
+            look: LookSettings {
+                beams: range.beams.clone(),
+                half_angle: Angle::from_radians(range.half_angle_rad),
+                min_range_m: range.min_range_m,
+                max_range_m: range.max_range_m,
+                sure_range_m: range.sure_range_m,
+                period: range.scan_period,
+                settle: range.scan_period.mul_f64(SETTLE_SHARE),
+            },
+            radio: RadioSettings {
+                channel: sim.radio.channel,
+                power_dbm: sim.radio.power_dbm,
+                slot: sim.radio.slot,
+            },
+            safety: SafetySettings {
+                padding_m: sim.safety.padding_m,
+                separation_m: sim.safety.separation_m,
+                pose_sd_max_m: sim.safety.pose_sd_max_m,
+            },
+            path_time: sim.durations.route,
+        }
+    }
+
+    fn ground(&self) -> Result<GroundNode, ScenarioError> {
+        let sim = &self.sim;
+        let station = Station::new(StationSettings {
+            vehicles: sim.vehicle_ids().collect(),
+            lease: Lease { number: 1, holder: self.noise.hash(Purpose::Start, &[u64::MAX]) },
+            store: self.noise.hash(Purpose::Start, &[u64::MAX - 1]),
+            lattice: self.lattice(),
+            bin_m: sim.imaging.bin_m,
+            spot_m: SPOT_M,
+        });
+        let method = self.method();
+        let planner = Planner::new(self.ring.clone(), method, sim.safety.separation_m, sim.durations.planner);
+        let (change, structure) = (self.image(Subject::Change), self.image(Subject::Structure));
+        let imager = Imager::new(change, structure, sim.durations.imager)?;
+        Ok(GroundNode::new(station, planner, imager))
+    }
+
+    /// Gives how an image is made of a subject.
+    pub fn image(&self, subject: Subject) -> ImageSettings {
+        let (imaging, area) = (&self.sim.imaging, self.sim.venue.area);
+        let mut settings = ImageSettings::for_area(area);
+        settings.grid = PixelGrid { area, columns: imaging.columns, rows: imaging.rows };
+        settings.shortest_link_m = imaging.min_link_m;
+        settings.pairing_m = imaging.bin_m;
+        settings.noise.sensitivity_dbm = self.sim.radio.sensitivity_dbm;
+        settings.peaks.rim_m = imaging.rim_m;
+        settings.peaks.limit = imaging.peaks;
+        settings.weights = match imaging.weights {
+            Weights::Line => WeightModel::Line,
+            Weights::Ellipse => WeightModel::Ellipse { width_m: imaging.width_m },
+            Weights::InverseArea => WeightModel::InverseArea { width_m: imaging.width_m },
+        };
+        let prior = match subject {
+            Subject::Change => imaging.prior,
+            Subject::Structure => imaging.structure_prior,
+        };
+        let sigma = prior.sigma_db_per_m;
+        let prior = Prior { variance: sigma * sigma, length_m: prior.correlation_length_m };
+        settings.solver = match imaging.solver {
+            SolverName::Map => Solver::Map(prior, tomo::MapSettings::default()),
+            SolverName::Tikhonov => ImageSettings::tikhonov_for(area),
+        };
+        settings
+    }
+
+    fn outcome(&self, kernel: Kernel) -> Result<Outcome, ScenarioError> {
+        let (mut record, world, ground, bus, simulated, separation_m) = kernel.into_parts();
+        let station = ground.station();
+        let outlines = self.scene(&[])?.outlines(self.sim.vehicles.antenna_height_m);
+        let finished = record.sweep_done && record.failure.is_none();
+        let failure =
+            record.failure.or_else(|| (!finished).then(|| "the sweep did not end in time".to_owned()));
+        Ok(Outcome {
+            finished,
+            failure,
+            simulated,
+            collisions: world.collisions().to_vec(),
+            fence_breaches: world.fence_breaches(),
+            min_separation_m: separation_m.is_finite().then_some(separation_m),
+            samples: station.samples().count(RUN),
+            links: station.samples().links(RUN),
+            empty_links: station.samples().links(EMPTY_RUN),
+            change: Outcome::take(&mut record.pictures, Subject::Change),
+            structure: Outcome::take(&mut record.pictures, Subject::Structure),
+            map: station.map().clone(),
+            tracks: record.tracks,
+            persons: self.persons.clone(),
+            outlines,
+            counts: record.counts,
+            bus_bytes: bus.traffic().values().map(|traffic| traffic.sent_bytes).sum(),
+            log: record.log.into_text(),
+        })
+    }
+}
+
+/// Why a run came to no outcome.
+#[derive(Debug, thiserror::Error)]
+pub enum RunError {
+    /// The scenario is impossible.
+    #[error(transparent)]
+    Scenario(#[from] ScenarioError),
+    /// An actor cannot go on.
+    #[error(transparent)]
+    Fault(#[from] Fault),
+}
+
+impl From<SceneError> for RunError {
+    fn from(error: SceneError) -> RunError {
+        RunError::Scenario(ScenarioError::Scene(error))
+    }
+}
+
+fn person(person: &config::Person) -> Person {
+    Person {
+        name: person.name.clone(),
+        at: person.at,
+        radius_m: person.radius_m,
+        height_m: person.height_m,
+        db_per_m: person.db_per_m,
+    }
+}
