@@ -13,7 +13,7 @@ use tomoswarm::sim::contact::{closest_approach, first_contact_of};
 use tomoswarm::sim::noise::{Noise, Purpose};
 use tomoswarm::sim::queue::EventQueue;
 use tomoswarm::sim::radio_field::{RadioConstants, RadioField, Transmission};
-use tomoswarm::sim::range::{Disc, RangeModel, RangeSensor};
+use tomoswarm::sim::range::{Disc, RangeModel, RangeSensor, Surroundings};
 use tomoswarm::time::Time;
 use tomoswarm_proto::{Message, Progress, VehicleId};
 
@@ -89,9 +89,11 @@ fn range() {
         let distance_m = (3.0 - from[0]) / along[0];
         (distance_m > 0.0 && distance_m <= max_m).then_some((distance_m, [-1.0, 0.0, 0.0]))
     };
+    let noise = Noise::new(1);
     let discs = [Disc { centre: Point::new(2.0, 0.3), radius_m: 0.3 }];
+    let around = Surroundings { cast: &wall, discs: &discs };
     measure("range: echo, plane wall, 1 disc", 1_000_000, |id| {
-        black_box(sensor.echo([0.0, 0.0, 0.2], Angle::default(), &wall, &discs, &Noise::new(1), &[id]));
+        black_box(sensor.echo([0.0, 0.0, 0.2], Angle::default(), around, &noise, &[id]));
     });
 }
 

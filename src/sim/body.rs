@@ -417,12 +417,17 @@ mod tests {
 
     #[test]
     fn a_goal_too_near_to_stop_is_passed_and_come_back_to() {
-        let mut body = rover();
-        body.drive(Time::ZERO, &[point(9.0, 2.0)], 0.5).unwrap();
-        let goal = body.pose_at(secs(5.0)).at + Vector::new(0.05, 0.0);
-        body.drive(secs(5.0), &[goal], 0.5).unwrap();
-        assert!(body.pose_at(secs(5.7)).at.x_m > goal.x_m + 0.1);
-        assert_eq!(body.pose_at(body.arrival().unwrap()).at, goal);
+        for ahead_m in [0.0, 0.05, 0.1, 0.15, 0.156] {
+            let mut body = rover();
+            body.drive(Time::ZERO, &[point(9.0, 2.0)], 0.5).unwrap();
+            let start = body.pose_at(secs(5.0)).at;
+            let goal = start + Vector::new(ahead_m, 0.0);
+            body.drive(secs(5.0), &[goal], 0.5).unwrap();
+            // It rests where braking ends, 0.15625 m on, after 0.625 s.
+            let rest = body.pose_at(secs(5.0 + 0.6251));
+            assert!((rest.at.x_m - start.x_m - 0.25 / 1.6).abs() < 1e-9 && rest.speed_mps == 0.0);
+            assert_eq!(body.pose_at(body.arrival().unwrap()).at, goal);
+        }
     }
 
     #[test]
@@ -466,7 +471,8 @@ mod tests {
 
     #[derive(Clone, Debug)]
     enum Command {
-        Drive(Vec<(f64, f64)>, f64),
+        /// Corners (counted from where it is, if so) and speed limit.
+        Drive(bool, Vec<(f64, f64)>, f64),
         Turn(f64),
         Stop,
     }
@@ -476,7 +482,8 @@ mod tests {
         let near = (-0.3..0.3f64, -0.3..0.3f64);
         let corners = prop::collection::vec(prop_oneof![corner, near], 0..6);
         let what = prop_oneof![
-            4 => (corners, 0.05..0.6f64).prop_map(|(corners, limit)| Command::Drive(corners, limit)),
+            4 => (any::<bool>(), corners, 0.05..0.6f64)
+                .prop_map(|(from_here, corners, limit)| Command::Drive(from_here, corners, limit)),
             1 => (-4.0..4.0f64).prop_map(Command::Turn),
             1 => Just(Command::Stop),
         ];
@@ -511,8 +518,10 @@ mod tests {
                 let before = body.pose_at(now);
                 let mut top_mps = 0.5;
                 match command {
-                    Command::Drive(corners, limit_mps) => {
-                        let corners: Vec<Point> = corners.iter().map(|(x, y)| point(*x, *y)).collect();
+                    Command::Drive(from_here, corners, limit_mps) => {
+                        let origin = if from_here { before.at } else { Point::default() };
+                        let corners: Vec<Point> =
+                            corners.iter().map(|(x, y)| origin + Vector::new(*x, *y)).collect();
                         body.drive(now, &corners, limit_mps).unwrap();
                         top_mps = limit_mps.min(0.5);
                         if let Some(goal) = corners.last() {

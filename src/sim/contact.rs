@@ -314,6 +314,9 @@ mod tests {
             if let Some(time) = contact {
                 prop_assert!(gap(time) <= distance_m + TOLERANCE_M + 1e-9);
             }
+            let within = |distance_m| first_contact_of(&a, &b, Time::ZERO, until, distance_m);
+            prop_assert!(within(closest_m + 1e-6).is_some_and(|time| time <= when), "barely touching");
+            prop_assert_eq!(within(closest_m - 2.0 * TOLERANCE_M), None);
         }
     }
 }

@@ -7,7 +7,8 @@ use std::time::Duration;
 
 use crate::time::Time;
 
-/// What a piece of noise is for; the same ids give independent noise for different purposes.
+/// What a piece of noise is for; the same ids give independent noise for different purposes. New
+/// purposes come last, so that a seed goes on giving the same.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub enum Purpose {
     /// Error of a vehicle's pose, along x.

@@ -50,6 +50,15 @@ pub struct Disc {
 /// normal (of either sign) of the first hit out, metres.
 pub type RayCast<'a> = &'a dyn Fn([f64; 3], [f64; 3], f64) -> Option<(f64, [f64; 3])>;
 
+/// What a sensor can hear.
+#[derive(Clone, Copy)]
+pub struct Surroundings<'a> {
+    /// What stands.
+    pub cast: RayCast<'a>,
+    /// Other vehicles and persons, where they are now.
+    pub discs: &'a [Disc],
+}
+
 /// A sensor with its fan laid out.
 #[derive(Clone, Debug)]
 pub struct RangeSensor {
@@ -85,12 +94,11 @@ impl RangeSensor {
         &self,
         origin: [f64; 3],
         beam: Angle,
-        cast: RayCast<'_>,
-        discs: &[Disc],
+        around: Surroundings<'_>,
         noise: &Noise,
         ids: &[u64],
     ) -> Option<f64> {
-        let distance_m = self.nearest_m(origin, Vector::polar(beam, 1.0), cast, discs)?;
+        let distance_m = self.nearest_m(origin, Vector::polar(beam, 1.0), around)?;
         if distance_m < self.model.min_m {
             return None;
         }
@@ -99,23 +107,23 @@ impl RangeSensor {
     }
 
     /// Distance to the nearest surface that returns an echo, without noise and blind zone.
-    fn nearest_m(&self, origin: [f64; 3], axis: Vector, cast: RayCast<'_>, discs: &[Disc]) -> Option<f64> {
+    fn nearest_m(&self, origin: [f64; 3], axis: Vector, around: Surroundings<'_>) -> Option<f64> {
         let mut best_m = None;
         for ray in &self.fan {
             let along = spatial(rotated(*ray, axis));
-            let Some((distance_m, normal)) = cast(origin, along, best_m.unwrap_or(self.model.max_m)) else {
-                continue;
-            };
+            let limit_m = best_m.unwrap_or(self.model.max_m);
+            let Some((distance_m, normal)) = (around.cast)(origin, along, limit_m) else { continue };
             let cosine = along.iter().zip(normal).map(|(a, n)| a * n).sum::<f64>().abs();
-            if cosine >= self.facing && distance_m <= best_m.unwrap_or(self.model.max_m) {
+            if cosine >= self.facing && distance_m <= limit_m {
                 best_m = Some(distance_m);
             }
         }
         let place = Point::new(origin[0], origin[1]);
-        for disc in discs {
+        for disc in around.discs {
             let Some((distance_m, along)) = self.nearest_of(disc, place, axis) else { continue };
-            let hidden = || cast(origin, spatial(along), distance_m).is_some_and(|hit| hit.0 < distance_m);
-            if distance_m <= best_m.unwrap_or(self.model.max_m) && !hidden() {
+            let hit = || (around.cast)(origin, spatial(along), distance_m);
+            let is_nearest = distance_m <= best_m.unwrap_or(self.model.max_m);
+            if is_nearest && hit().is_none_or(|hit| hit.0 >= distance_m) {
                 best_m = Some(distance_m);
             }
         }
@@ -178,7 +186,8 @@ mod tests {
     }
 
     fn read(model: RangeModel, cast: RayCast<'_>, discs: &[Disc]) -> Option<f64> {
-        RangeSensor::new(model).echo([0.0; 3], Angle::default(), cast, discs, &Noise::new(1), &[1])
+        let around = Surroundings { cast, discs };
+        RangeSensor::new(model).echo([0.0; 3], Angle::default(), around, &Noise::new(1), &[1])
     }
 
     fn disc(x_m: f64, y_m: f64) -> Disc {
@@ -222,15 +231,19 @@ mod tests {
     #[test]
     fn readings_scatter_by_their_deviation_and_stay_in_range() {
         let sensor = RangeSensor::new(RangeModel { sd_m: 0.05, ..model() });
-        let noise = Noise::new(1);
+        let (noise, wall_ahead) = (Noise::new(1), wall(2.0, 0.0));
+        let around = Surroundings { cast: &wall_ahead, discs: &[] };
         let readings: Vec<f64> = (0..10_000)
-            .filter_map(|id| sensor.echo([0.0; 3], Angle::default(), &wall(2.0, 0.0), &[], &noise, &[id]))
+            .filter_map(|id| sensor.echo([0.0; 3], Angle::default(), around, &noise, &[id]))
             .collect();
         let mean = readings.iter().sum::<f64>() / 10_000.0;
         let square = readings.iter().map(|reading| (reading - 2.0).powi(2)).sum::<f64>() / 10_000.0;
         assert!((mean - 2.0).abs() < 0.002 && (square.sqrt() - 0.05).abs() < 0.002);
-        let near = sensor.echo([0.0; 3], Angle::default(), &wall(0.021, 0.0), &[], &noise, &[5]);
-        assert!(near.is_some_and(|reading| reading >= 0.02));
+        let close = Surroundings { cast: &wall(0.021, 0.0), discs: &[] };
+        for id in 0..100 {
+            let near = sensor.echo([0.0; 3], Angle::default(), close, &noise, &[id]);
+            assert!(near.is_some_and(|reading| reading >= 0.02));
+        }
     }
 
     proptest! {
