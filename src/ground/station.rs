@@ -6,9 +6,10 @@
 //! nothing itself.
 //!
 //! ```text
-//!   Idle ─Sweep wished, all heard─► Planning ─plans─► Running ─every stop done─► Closing ─samples in─► Idle
-//!                                      ▲                 │ a vehicle cannot begin where its plan does
-//!                                      └─all at rest─ Resting ◄────┘
+//!   Idle ─Sweep wished, all heard─► Stopping ─all at rest─► Planning ─plans─► Running ─every stop done─► Closing
+//!    ▲                                 ▲                                         │                       │
+//!    │                                 └──── a vehicle cannot begin its plan ────┘                       │
+//!    └────────────────────────────────────────────── samples in ─────────────────────────────────────────┘
 //! ```
 //!
 //! Deadline: `repeat` (state is published and repeated, nobody asks and waits).
@@ -244,7 +245,7 @@ impl Station {
         out.extend(tiles.into_iter().map(|report| Out::Publish(Message::Tile(report))));
     }
 
-    fn wish(&mut self, wish: Wish, out: &mut Vec<Out>) {
+    fn wish(&mut self, now: Time, wish: Wish, out: &mut Vec<Out>) {
         match wish {
             Wish::Order(kind) => {
                 let run = self.run();
@@ -253,7 +254,7 @@ impl Station {
             }
             Wish::Sweep { .. } => {
                 self.wished = Some(wish);
-                self.begin(out);
+                self.begin(now, out);
             }
         }
     }
@@ -269,14 +270,25 @@ impl Station {
     }
 
     /// Begins a wished sweep once every vehicle has been heard and none is under way.
-    fn begin(&mut self, out: &mut Vec<Out>) {
+    fn begin(&mut self, now: Time, out: &mut Vec<Out>) {
         if !matches!(self.phase, Phase::Idle) || !self.fleet.is_complete() {
             return;
         }
         let Some(Wish::Sweep { run, empty }) = self.wished.take() else { return };
         let highest = self.fleet.highest_revision(run);
         self.succession = Some(Succession::new(run, &self.fleet.ids(), highest));
-        self.ask(Sweep { run, empty, laps_before: 0, laps_done: 0 }, out);
+        self.rest(now, Sweep { run, empty, laps_before: 0, laps_done: 0 }, out);
+    }
+
+    /// Brings everyone to rest by an empty revision, before plans are made from where they rest.
+    fn rest(&mut self, now: Time, sweep: Sweep, out: &mut Vec<Out>) {
+        if let Some(succession) = &mut self.succession {
+            succession.stop();
+        }
+        self.fleet.order_all(sweep.run, OrderKind::Start);
+        self.phase = Phase::Stopping(sweep);
+        self.publish_plans(now, out);
+        self.publish_orders(out);
     }
 
     /// Asks for plans from where the vehicles rest now.
@@ -309,9 +321,7 @@ impl Station {
                 out.push(Out::Note(Note::Planned { run: sweep.run, laps, stops }));
                 self.phase = Phase::Running(sweep, answer.laps);
                 self.planned_at = now;
-                self.fleet.order_all(sweep.run, OrderKind::Start);
                 self.publish_plans(now, out);
-                self.publish_orders(out);
             }
         }
     }
@@ -327,7 +337,7 @@ impl Station {
     }
 
     fn tick(&mut self, now: Time, out: &mut Vec<Out>) {
-        self.begin(out);
+        self.begin(now, out);
         self.publish_orders(out);
         out.push(Out::Publish(Message::Have(self.samples.have())));
         out.push(Out::Publish(Message::Digest(self.map.digest())));
@@ -338,15 +348,13 @@ impl Station {
 
     /// Repeats plans; stops everyone and plans anew when somebody cannot begin where its plan does.
     fn look_after_plans(&mut self, now: Time, out: &mut Vec<Out>) {
-        let Some(succession) = &mut self.succession else { return };
+        let Some(succession) = &self.succession else { return };
         let shown = succession.missing().next().is_none();
         match &self.phase {
             Phase::Running(sweep, _) if !shown && now.since(self.planned_at) > ADOPTED_WITHIN => {
                 let sweep = *sweep;
-                succession.stop();
                 out.push(Out::Note(Note::Replans(sweep.run)));
-                self.phase = Phase::Stopping(sweep);
-                self.publish_plans(now, out);
+                self.rest(now, sweep, out);
             }
             Phase::Stopping(sweep) if succession.phase() == sweep::Phase::Stopped => {
                 let sweep = *sweep;
@@ -420,7 +428,7 @@ impl Station {
             empty: Vec::new(),
         }));
         self.phase = Phase::Idle;
-        self.begin(out);
+        self.begin(now, out);
     }
 }
 
@@ -431,7 +439,7 @@ impl Actor for Station {
     fn handle(&mut self, now: Time, input: In, out: &mut Vec<Out>) -> Result<(), Fault> {
         match input {
             In::Bus(message) => self.hear(now, message, out),
-            In::Wish(wish) => self.wish(wish, out),
+            In::Wish(wish) => self.wish(now, wish, out),
             In::Planned(answer) => self.planned(now, answer, out),
         }
         Ok(())

@@ -12,7 +12,7 @@ use super::body::{Body, BodyState, Limits};
 use super::contact::{closest_approach, first_contact_of};
 use super::noise::{Noise, Purpose};
 use super::radio_field::{RadioField, Transmission};
-use super::range::{Disc, RangeSensor};
+use super::range::{Disc, RangeSensor, Surroundings};
 use crate::geom::{Angle, Point, Polygon, Pose, Segment, Vector};
 use crate::node::vehicle::{Fly, Motion, Telemetry};
 use crate::scene::{Attenuation, Scene};
@@ -277,7 +277,8 @@ impl World {
         };
         let origin = [truth.at.x_m, truth.at.y_m, self.build.sensor_m];
         let ids = [u64::from(rover.id.0), number];
-        self.sensor.echo(origin, truth.heading + beam, &cast, &discs, &self.noise, &ids)
+        let around = Surroundings { cast: &cast, discs: &discs };
+        self.sensor.echo(origin, truth.heading + beam, around, &self.noise, &ids)
     }
 
     /// Gives how strongly a beacon is heard, dBm; `None` when it is lost.

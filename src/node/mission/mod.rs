@@ -105,7 +105,11 @@ enum Wanted {
     Waiting,
     Following,
     Held,
-    Returning { under_way: bool },
+    /// Since when it is ordered to return, and whether it is on its way.
+    Returning {
+        since: Time,
+        under_way: bool,
+    },
 }
 
 /// The mission actor.
@@ -168,9 +172,8 @@ impl Mission {
     fn go_on(&mut self, now: Time, out: &mut Vec<Out>) {
         match self.wanted {
             Wanted::Following => self.follow(now, out),
-            Wanted::Returning { under_way } => self.bring_home(now, under_way, out),
-            Wanted::Held => self.stay_held(),
-            Wanted::Waiting => {}
+            Wanted::Returning { since, under_way } => self.bring_home(now, since, under_way, out),
+            Wanted::Held | Wanted::Waiting => self.stay(),
         }
         self.report(out);
     }
@@ -226,8 +229,8 @@ impl Mission {
         out.push(Out::Remark(remark));
     }
 
-    /// While held: a newer revision may be adopted from where the vehicle rests.
-    fn stay_held(&mut self) {
+    /// Without a way to drive: a newer revision may be adopted from where the vehicle rests.
+    fn stay(&mut self) {
         let (Some(follower), Some(state)) = (&mut self.follower, &self.state) else { return };
         let at_rest = state.speed_mps == 0.0 && state.leg.is_none();
         if at_rest {
@@ -236,12 +239,12 @@ impl Mission {
         }
     }
 
-    fn bring_home(&mut self, now: Time, under_way: bool, out: &mut Vec<Out>) {
+    fn bring_home(&mut self, now: Time, since: Time, under_way: bool, out: &mut Vec<Out>) {
         let Some(state) = &self.state else { return };
         if !under_way {
-            if state.leg.is_none() && self.lower_ids_are_quiet(now) {
+            if state.leg.is_none() && self.lower_ids_are_quiet(now, since) {
                 self.pilot.go_home(now, state);
-                self.wanted = Wanted::Returning { under_way: true };
+                self.wanted = Wanted::Returning { since, under_way: true };
             }
             return;
         }
@@ -253,10 +256,10 @@ impl Mission {
     }
 
     /// Vehicles return one after the other: all lower ids have been at rest, longer the more there are.
-    fn lower_ids_are_quiet(&self, now: Time) -> bool {
+    fn lower_ids_are_quiet(&self, now: Time, ordered: Time) -> bool {
         let lower: Vec<&Peer> = self.peers.range(..self.settings.vehicle).map(|(_, peer)| peer).collect();
         let quiet = QUIET * lower.len() as u32;
-        lower.iter().all(|peer| peer.resting && now.since(peer.moved_at) >= quiet)
+        lower.iter().all(|peer| peer.resting && now.since(peer.moved_at.max(ordered)) >= quiet)
     }
 
     fn peer(&mut self, now: Time, state: &State) {
@@ -304,7 +307,7 @@ impl Mission {
                 self.stop(now, out);
             }
             OrderKind::Return => {
-                self.wanted = Wanted::Returning { under_way: false };
+                self.wanted = Wanted::Returning { since: now, under_way: false };
                 self.stop(now, out);
             }
         }
@@ -336,7 +339,7 @@ impl Mission {
         }
         let following = self.wanted == Wanted::Following;
         let finished = self.follower.as_ref().is_some_and(Follower::finished);
-        if finished && !self.finished && progress.run != RunId::default() {
+        if finished && !self.finished && progress.done.is_some() {
             self.finished = true;
             out.push(Out::Remark(Remark::Finished(progress.run)));
         }
@@ -350,8 +353,8 @@ impl Mission {
     /// The pilot wants to be woken only while something is being driven.
     fn pilot_deadline(&self) -> Option<Deadline> {
         match self.wanted {
-            Wanted::Following | Wanted::Returning { under_way: true } => self.pilot.deadline(),
-            Wanted::Waiting | Wanted::Held | Wanted::Returning { under_way: false } => None,
+            Wanted::Following | Wanted::Returning { under_way: true, .. } => self.pilot.deadline(),
+            Wanted::Waiting | Wanted::Held | Wanted::Returning { under_way: false, .. } => None,
         }
     }
 
