@@ -1,1 +1,72 @@
 //! Subcommands as types, one file each; the only layer that touches files and the terminal.
+//!
+//! [`run`] parses the command line, runs the command, prints what went wrong and gives the exit code: 0 done,
+//! 1 fault or mission failed, 2 bad usage, config or scene.
+
+pub mod check;
+mod describe;
+pub mod error;
+mod folder;
+mod load;
+pub mod plan;
+mod read;
+mod report;
+pub mod sim;
+mod trials;
+
+use std::process::ExitCode;
+
+use clap::{Parser, Subcommand};
+
+use self::error::CliError;
+
+/// Turns a few small rovers into one moving radio-tomography instrument.
+///
+/// Rovers drive around an area, measure radio signal strength between them, avoid what their range sensors see, and a
+/// ground station turns the attenuations into a picture of what stands inside.
+#[derive(Parser, Debug)]
+#[command(name = "tomoswarm", version, after_help = AFTER_HELP)]
+struct Cli {
+    #[command(subcommand)]
+    command: Command,
+}
+
+const AFTER_HELP: &str = "Begin with:
+  tomoswarm sim                                  two rovers find two persons in the bundled courtyard
+  tomoswarm image out/courtyard-1/links.csv --empty out/courtyard-1/empty.csv --png again.png
+  tomoswarm check configs/courtyard.sim.toml     what a file says, or everything that is wrong with it
+
+Exit codes: 0 done; 1 a fault, or the mission failed; 2 bad usage, configuration, scene or recording.";
+
+#[derive(Subcommand, Debug)]
+enum Command {
+    Sim(sim::SimArgs),
+    Plan(plan::PlanArgs),
+    Check(check::CheckArgs),
+}
+
+/// Runs the program as the command line says, and gives its exit code.
+pub fn run() -> ExitCode {
+    let command = match Cli::try_parse() {
+        Ok(cli) => cli.command,
+        Err(error) => {
+            // Nothing can be done when even the message cannot be printed.
+            let _ = error.print();
+            return ExitCode::from(u8::try_from(error.exit_code()).unwrap_or(2));
+        }
+    };
+    let result = match command {
+        Command::Sim(sim) => sim.run(),
+        Command::Plan(plan) => plan.run(&mut std::io::stdout().lock()),
+        Command::Check(check) => check.run(&mut std::io::stdout().lock()),
+    };
+    match result {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => fail(&error),
+    }
+}
+
+fn fail(error: &CliError) -> ExitCode {
+    eprintln!("tomoswarm: {error}");
+    ExitCode::from(error.exit_code())
+}

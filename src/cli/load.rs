@@ -1,0 +1,75 @@
+//! From file names to a scenario: the simulation file, what it names, and the shapes. Without a file, the
+//! bundled example.
+
+use std::path::Path;
+
+use super::error::CliError;
+use super::read;
+use crate::config::{self, Sim, bundled};
+use crate::scene::{self, VrmlScene};
+use crate::sim::Scenario;
+
+/// A simulation as read, with what its scene file warned about.
+pub struct Loaded {
+    /// The simulation.
+    pub sim: Sim,
+    /// Its shapes.
+    pub shapes: VrmlScene,
+}
+
+/// Reads a simulation file and everything that it names; the bundled example without one.
+///
+/// # Errors
+/// Everything that is wrong with the files.
+pub fn load(file: Option<&Path>, vehicles: Option<usize>) -> Result<Loaded, CliError> {
+    let Some(path) = file else {
+        return load_with(bundled::COURTYARD, vehicles, &mut |name| bundled::load(name));
+    };
+    load_with(&path.to_string_lossy(), vehicles, &mut read::named_in_config).map_err(|error| match error {
+        // The simulation file itself is named by the user, not by another file.
+        CliError::Input { path: ref missing, .. } if missing == path => {
+            read::text(path).err().unwrap_or(error)
+        }
+        other => other,
+    })
+}
+
+fn load_with(
+    name: &str,
+    vehicles: Option<usize>,
+    loader: &mut config::Loader<'_>,
+) -> Result<Loaded, CliError> {
+    let unreadable = |reason| CliError::Input { path: name.into(), reason };
+    let text = loader(name).map_err(unreadable)?;
+    let sim = config::read_sim(name, &text, vehicles, loader)?;
+    let shapes = shapes_of(&sim, loader)?;
+    Ok(Loaded { sim, shapes })
+}
+
+fn shapes_of(sim: &Sim, loader: &mut config::Loader<'_>) -> Result<VrmlScene, CliError> {
+    let Some(file) = &sim.scene.wrl else { return Ok(VrmlScene::default()) };
+    let text = loader(file).map_err(|reason| CliError::Input {
+        path: file.into(),
+        reason: format!("cannot be read: {reason}; the scene names it as `wrl`"),
+    })?;
+    let up = match sim.scene.up {
+        config::Up::Y => scene::Up::Y,
+        config::Up::Z => scene::Up::Z,
+    };
+    let mut inline = |name: &str| loader(&config::beside(file, name));
+    scene::read_vrml(&text, file, up, &mut inline).map_err(|error| {
+        let reason = format!("line {}: {}", error.line, error.reason);
+        CliError::Input { path: error.file.into(), reason }
+    })
+}
+
+/// Makes a scenario of what was loaded.
+///
+/// # Errors
+/// What the files alone could not tell, e.g. a vehicle that starts inside a wall.
+pub fn scenario(loaded: Loaded, file: Option<&Path>, seed: Option<u64>) -> Result<Scenario, CliError> {
+    let seed = seed.unwrap_or(loaded.sim.seed);
+    let path = file.map_or_else(|| bundled::COURTYARD.into(), Path::to_owned);
+    Scenario::new(loaded.sim, loaded.shapes.shapes, seed)
+        .map_err(|error| CliError::Input { path, reason: error.to_string() })
+}

@@ -1,0 +1,279 @@
+//! What a run is reported as: the summary on the terminal, `summary.json`, the pictures and the data files.
+
+use std::time::Duration;
+
+use serde_json::{Value, json};
+
+use super::error::CliError;
+use super::folder::OutputFolder;
+use super::recording::links_csv;
+use crate::draw::{CellState, HeatMap, OccupancyMap, Overlay, Picture};
+use crate::geom::{Cell, Point};
+use crate::ground::imager::Subject;
+use crate::map::{CellRect, Occupancy};
+use crate::sim::{Found, Outcome, Scenario};
+use crate::tomo::{Image, Link, Reconstruction, WeightRows, npy_bytes, runs_along_a_side};
+
+/// The figures of a run.
+#[derive(Debug)]
+pub struct Report {
+    seed: u64,
+    scene: String,
+    vehicles: usize,
+    finished: bool,
+    failure: Option<String>,
+    simulated_s: f64,
+    wall_s: f64,
+    samples: u64,
+    links: usize,
+    empty_links: usize,
+    coverage: f64,
+    collisions: usize,
+    fence_breaches: usize,
+    min_separation_m: Option<f64>,
+    scans: u64,
+    events: u64,
+    messages: u64,
+    bus_bytes: u64,
+    found: Vec<Found>,
+    persons: Vec<(String, Point)>,
+}
+
+impl Report {
+    /// Gathers the figures of an outcome.
+    pub fn new(scenario: &Scenario, outcome: &Outcome, seed: u64, wall: Duration) -> Report {
+        Report {
+            seed,
+            scene: scenario.sim().scene.name.clone(),
+            vehicles: scenario.sim().vehicles.count,
+            finished: outcome.finished,
+            failure: outcome.failure.clone(),
+            simulated_s: outcome.simulated.as_secs_f64(),
+            wall_s: wall.as_secs_f64(),
+            samples: outcome.samples,
+            links: outcome.links.len(),
+            empty_links: outcome.empty_links.len(),
+            coverage: coverage(scenario, &outcome.links),
+            collisions: outcome.collisions.len(),
+            fence_breaches: outcome.fence_breaches,
+            min_separation_m: outcome.min_separation_m,
+            scans: outcome.counts.scans,
+            events: outcome.counts.events,
+            messages: outcome.counts.messages,
+            bus_bytes: outcome.bus_bytes,
+            found: outcome.found(),
+            persons: outcome.persons.iter().map(|person| (person.name.clone(), person.at)).collect(),
+        }
+    }
+
+    fn speed_factor(&self) -> f64 {
+        self.simulated_s / self.wall_s.max(1e-9)
+    }
+
+    /// Gives the summary for a person.
+    pub fn text(&self) -> String {
+        let separation = self.min_separation_m.map_or("-".to_owned(), |metres| format!("{metres:.2} m"));
+        let outcome = self.failure.as_deref().map_or("finished".to_owned(), |why| format!("NOT finished: {why}"));
+        let mut text = format!(
+            "{} with {} vehicles, seed {}: {outcome}\n\
+             mission time      {:.1} min simulated in {:.2} s ({:.0} x real time)\n\
+             links measured    {} from {} samples ({} in the empty sweep), covering {:.0} % of the area\n\
+             collisions        {}; fence breaches {}; minimum separation {separation}\n\
+             work              {:.0} scans/s, {:.0} events/s of wall time; {:.1} kB/s on the bus per vehicle\n",
+            self.scene,
+            self.vehicles,
+            self.seed,
+            self.simulated_s / 60.0,
+            self.wall_s,
+            self.speed_factor(),
+            self.links,
+            self.samples,
+            self.empty_links,
+            100.0 * self.coverage,
+            self.collisions,
+            self.fence_breaches,
+            self.scans as f64 / self.wall_s.max(1e-9),
+            self.events as f64 / self.wall_s.max(1e-9),
+            self.bus_bytes as f64 / self.simulated_s.max(1e-9) / 1e3 / self.vehicles.max(1) as f64,
+        );
+        for find in &self.found {
+            let error = find.error_m.map_or("nobody was there".to_owned(), |error| format!("{error:.2} m off"));
+            let (x_m, y_m) = (find.at.x_m, find.at.y_m);
+            text += &format!("found             at {x_m:.2}, {y_m:.2} m, {:.2} dB/m: {error}\n", find.strength);
+        }
+        for (name, at) in self.missed() {
+            text += &format!("missed            {name} at {:.2}, {:.2} m\n", at.x_m, at.y_m);
+        }
+        text
+    }
+
+    fn missed(&self) -> impl Iterator<Item = &(String, Point)> {
+        let near = |at: Point| self.found.iter().any(|find| find.at.distance_to(at) <= 1.0);
+        self.persons.iter().filter(move |(_, at)| !near(*at))
+    }
+
+    /// Gives the figures for a program.
+    pub fn json(&self) -> Value {
+        let found = |find: &Found| {
+            json!({ "x_m": find.at.x_m, "y_m": find.at.y_m, "strength": find.strength, "error_m": find.error_m })
+        };
+        let person = |(name, at): &(String, Point)| json!({ "name": name, "x_m": at.x_m, "y_m": at.y_m });
+        json!({
+            "scene": self.scene,
+            "seed": self.seed,
+            "vehicles": self.vehicles,
+            "finished": self.finished,
+            "failure": self.failure,
+            "simulated_s": self.simulated_s,
+            "wall_s": self.wall_s,
+            "speed_factor": self.speed_factor(),
+            "samples": self.samples,
+            "links": self.links,
+            "empty_links": self.empty_links,
+            "coverage": self.coverage,
+            "collisions": self.collisions,
+            "fence_breaches": self.fence_breaches,
+            "min_separation_m": self.min_separation_m,
+            "scans": self.scans,
+            "events": self.events,
+            "messages": self.messages,
+            "bus_bytes": self.bus_bytes,
+            "found": self.found.iter().map(found).collect::<Vec<_>>(),
+            "persons": self.persons.iter().map(person).collect::<Vec<_>>(),
+            "version": env!("CARGO_PKG_VERSION"),
+        })
+    }
+}
+
+/// Gives the share of the pixels that at least one link across the area looks at.
+fn coverage(scenario: &Scenario, links: &[Link]) -> f64 {
+    let settings = scenario.image(Subject::Structure);
+    let across = links.iter().filter(|link| {
+        link.length_m() >= settings.shortest_link_m
+            && !runs_along_a_side(link.from, link.to, settings.ring, settings.side_tolerance_m)
+    });
+    let rows = WeightRows::rescaled(across.map(Link::segment), &settings.grid, settings.weights);
+    let mut seen = vec![0.0; settings.grid.len()];
+    rows.backward(&vec![1.0; rows.len()], &mut seen);
+    seen.iter().filter(|weight| **weight > 0.0).count() as f64 / seen.len().max(1) as f64
+}
+
+/// Writes everything that a run leaves behind.
+///
+/// # Errors
+/// A file cannot be written, or a picture cannot be made.
+pub fn write_files(
+    folder: &mut OutputFolder,
+    scenario: &Scenario,
+    outcome: &Outcome,
+    report: &Report,
+    pictures: bool,
+) -> Result<(), CliError> {
+    folder.write("links.csv", links_csv(&outcome.links).as_bytes())?;
+    if scenario.sim().empty_sweep {
+        folder.write("empty.csv", links_csv(&outcome.empty_links).as_bytes())?;
+    }
+    let images = [("image", &outcome.change), ("structure", &outcome.structure)];
+    for (name, made) in images.iter().filter_map(|(name, made)| made.as_ref().map(|made| (name, made))) {
+        folder.write(&format!("{name}.npy"), &npy_bytes(&made.image))?;
+    }
+    if pictures {
+        write_pictures(folder, scenario, outcome)?;
+    }
+    folder.write("run.log", outcome.log.as_bytes())?;
+    let json = serde_json::to_string_pretty(&report.json()).map_err(|error| CliError::Fault(error.to_string()))?;
+    folder.write("summary.json", format!("{json}\n").as_bytes())
+}
+
+fn write_pictures(folder: &mut OutputFolder, scenario: &Scenario, outcome: &Outcome) -> Result<(), CliError> {
+    if let Some(change) = &outcome.change {
+        let title = "What changed since the empty sweep";
+        folder.write("image.png", &heat(title, change, truth(outcome, true))?)?;
+    }
+    if let Some(structure) = &outcome.structure {
+        let title = "What stands there, from a fitted path loss";
+        folder.write("structure.png", &heat(title, structure, truth(outcome, false))?)?;
+    }
+    folder.write("map.png", &map(scenario, outcome)?)
+}
+
+fn drawn(result: Result<Vec<u8>, crate::draw::DrawError>) -> Result<Vec<u8>, CliError> {
+    result.map_err(|error| CliError::Fault(error.to_string()))
+}
+
+fn heat(title: &str, made: &Reconstruction, overlays: Vec<Overlay>) -> Result<Vec<u8>, CliError> {
+    let title = format!("{title} ({} links)", made.used);
+    let Image { grid, values } = &made.image;
+    let spec = HeatMap { title, grid: *grid, values, unit: "dB/m", overlays, range: None };
+    drawn(Picture::heat(&spec))
+}
+
+/// The truth and what was found, to be drawn over an image.
+fn truth(outcome: &Outcome, with_finds: bool) -> Vec<Overlay> {
+    let mut overlays = tracks(outcome);
+    overlays.extend(outcome.outlines.iter().map(|outline| Overlay::Outline {
+        polygon: outline.polygon.clone(),
+        label: None,
+    }));
+    overlays.extend(outcome.persons.iter().map(|person| Overlay::Circle {
+        at: person.at,
+        radius_m: person.radius_m,
+        label: Some(person.name.clone()),
+    }));
+    if with_finds {
+        overlays.extend(outcome.found().iter().map(|find| Overlay::Cross { at: find.at, label: None }));
+    }
+    overlays
+}
+
+fn tracks(outcome: &Outcome) -> Vec<Overlay> {
+    let tracks = outcome.tracks.iter().enumerate();
+    tracks
+        .map(|(colour, (vehicle, points))| Overlay::Track {
+            points: points.clone(),
+            colour,
+            label: Some(format!("vehicle {vehicle}")),
+        })
+        .collect()
+}
+
+fn map(scenario: &Scenario, outcome: &Outcome) -> Result<Vec<u8>, CliError> {
+    let venue = &scenario.sim().venue;
+    let lattice = outcome.map.lattice();
+    let known = outcome.map.extent(0);
+    let fence = CellRect::around(lattice, venue.fence.corners(), 0.5);
+    let area = fence.into_iter().chain(known.filter(|_| fence.is_none())).next();
+    let area = area.unwrap_or(CellRect::covering(lattice, venue.area));
+    let view = outcome.map.view(0, area);
+    let (columns, rows) = (area.width_cells() as usize, area.height_cells() as usize);
+    let mut cells = Vec::with_capacity(columns * rows);
+    for y in area.low.y..=area.high.y {
+        for x in area.low.x..=area.high.x {
+            cells.push(match view.occupancy(Cell::new(x, y)) {
+                Occupancy::Free => CellState::Free,
+                Occupancy::Unknown => CellState::Unknown,
+                Occupancy::Occupied => CellState::Occupied,
+            });
+        }
+    }
+    let mut overlays = vec![Overlay::Fence { polygon: venue.fence.clone() }, Overlay::Area { rect: venue.area }];
+    overlays.extend(tracks(outcome));
+    overlays.extend(outcome.outlines.iter().map(|outline| Overlay::Outline {
+        polygon: outline.polygon.clone(),
+        label: None,
+    }));
+    overlays.extend(homes(scenario));
+    overlays.extend(outcome.tracks.iter().filter_map(|(vehicle, points)| {
+        Some(Overlay::Dot { at: *points.last()?, label: Some(vehicle.to_string()) })
+    }));
+    let title = "What the range sensors saw".to_owned();
+    let middle = lattice.centre(area.low);
+    let origin = Point::new(middle.x_m - lattice.cell_m() / 2.0, middle.y_m - lattice.cell_m() / 2.0);
+    let cell_m = lattice.cell_m();
+    drawn(Picture::occupancy(&OccupancyMap { title, origin, cell_m, columns, rows, cells: &cells, overlays }))
+}
+
+fn homes(scenario: &Scenario) -> Vec<Overlay> {
+    let ids = scenario.sim().vehicle_ids();
+    ids.filter_map(|id| Some(Overlay::Home { at: scenario.sim().home(id)?, label: None })).collect()
+}

@@ -1,0 +1,156 @@
+//! `tomoswarm sim [CONFIG]`: simulates a swarm in virtual time, and writes a folder with pictures and data.
+
+use std::io::IsTerminal;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::{Duration, Instant};
+
+use indicatif::{ProgressBar, ProgressStyle};
+
+use super::error::CliError;
+use super::folder::OutputFolder;
+use super::load::{self, Loaded};
+use super::report::{Report, write_files};
+use super::trials;
+use crate::sim::{Outcome, RunError, Scenario, Status};
+
+/// Simulate a swarm: rovers sweep an area, and the image of what stands in it is drawn.
+///
+/// Without CONFIG the bundled example runs: two rovers, a courtyard with an L-shaped wall, first empty, then with two
+/// persons at places drawn from the seed. Everything happens in virtual time, hundreds of times faster than real time; the
+/// same files and seed give the same run, byte for byte.
+#[derive(clap::Args, Debug)]
+#[command(after_help = AFTER_HELP)]
+pub struct SimArgs {
+    /// A simulation file (kind = "sim"); see configs/courtyard.sim.toml
+    #[arg(value_name = "CONFIG")]
+    pub config: Option<PathBuf>,
+    /// Seed of everything that is random [default: the file's, or 1]
+    #[arg(long, value_name = "N")]
+    pub seed: Option<u64>,
+    /// Number of vehicles, in place of the file's
+    #[arg(long, value_name = "N")]
+    pub vehicles: Option<usize>,
+    /// End after this much virtual time, in place of the file's
+    #[arg(long, value_name = "SECONDS", value_parser = parse_seconds)]
+    pub until: Option<Duration>,
+    /// Folder for pictures and data [default: out/<scene>-<seed>]
+    #[arg(long, value_name = "FOLDER")]
+    pub out: Option<PathBuf>,
+    /// Write the data but draw no pictures
+    #[arg(long)]
+    pub no_pictures: bool,
+    /// Run this many seeds, beginning with --seed, on all cores; print a table and write no folder
+    #[arg(long, value_name = "N", conflicts_with_all = ["out", "no_pictures"])]
+    pub trials: Option<u64>,
+}
+
+const AFTER_HELP: &str = "The folder then holds
+  image.png      what changed since the empty sweep: the persons (with the truth, for comparison)
+  structure.png  what stands there, from a fitted path loss: the wall
+  map.png        what the range sensors saw, and where the vehicles drove
+  image.npy, structure.npy   the same values: f32, rows from south to north, columns from west to east, dB/m
+  links.csv, empty.csv       every link measured; `tomoswarm image` reads them
+  summary.json   the figures; run.log  what happened when, in virtual time
+
+Examples:
+  tomoswarm sim --seed 7
+  tomoswarm sim --vehicles 4 --out four
+  tomoswarm sim --trials 20        20 seeds, one line each; exit code 1 if a contract is broken";
+
+fn parse_seconds(text: &str) -> Result<Duration, String> {
+    let seconds: f64 = text.parse().map_err(|_| format!("`{text}` is no number of seconds"))?;
+    if !(1.0..=1e7).contains(&seconds) {
+        return Err(format!("`{text}` s is out of range; 1 to 10000000 s are allowed"));
+    }
+    Ok(Duration::from_secs_f64(seconds))
+}
+
+impl SimArgs {
+    /// Runs the simulation.
+    ///
+    /// # Errors
+    /// Bad files, a folder that cannot be written, a mission that failed.
+    pub fn run(&self) -> Result<(), CliError> {
+        if let Some(count) = self.trials {
+            return trials::run(self, count);
+        }
+        let scenario = self.scenario(self.seed)?;
+        let seed = self.seed.unwrap_or(scenario.sim().seed);
+        let target = self.out.clone().unwrap_or_else(|| default_folder(&scenario, seed));
+        let mut folder = OutputFolder::prepare(&target)?;
+        let stopped = stop_on_ctrl_c();
+        let (outcome, wall) = watched(&scenario, &stopped)?;
+        let report = Report::new(&scenario, &outcome, seed, wall);
+        write_files(&mut folder, &scenario, &outcome, &report, !self.no_pictures)?;
+        let target = folder.publish()?;
+        print!("{}", report.text());
+        println!("written: {}/ ({})", target.display(), if self.no_pictures { "data" } else { "pictures and data" });
+        if stopped.load(Ordering::Relaxed) {
+            return Err(CliError::Mission("stopped by Ctrl-C; the folder holds what was measured".to_owned()));
+        }
+        outcome.failure.map_or(Ok(()), |reason| Err(CliError::Mission(reason)))
+    }
+
+    /// Loads the files and makes the scenario of a seed.
+    ///
+    /// # Errors
+    /// Everything that is wrong with the files.
+    pub(super) fn scenario(&self, seed: Option<u64>) -> Result<Scenario, CliError> {
+        let mut loaded: Loaded = load::load(self.config.as_deref(), self.vehicles)?;
+        for warning in &loaded.shapes.warnings {
+            eprintln!("tomoswarm: warning: {warning}");
+        }
+        if let Some(until) = self.until {
+            loaded.sim.until = until;
+        }
+        load::scenario(loaded, self.config.as_deref(), seed)
+    }
+}
+
+fn default_folder(scenario: &Scenario, seed: u64) -> PathBuf {
+    Path::new("out").join(format!("{}-{seed}", scenario.sim().scene.name))
+}
+
+/// Makes a flag that Ctrl-C raises, so that a run ends in order.
+fn stop_on_ctrl_c() -> Arc<AtomicBool> {
+    let stopped = Arc::new(AtomicBool::new(false));
+    let flag = stopped.clone();
+    // Without a handler Ctrl-C ends the program at once, which leaves no partial output either.
+    let _ = ctrlc::set_handler(move || flag.store(true, Ordering::Relaxed));
+    stopped
+}
+
+#[allow(clippy::disallowed_methods, reason = "the shell measures how long a run took; no decision hangs on it")]
+fn watched(scenario: &Scenario, stopped: &AtomicBool) -> Result<(Outcome, Duration), CliError> {
+    let bar = progress_bar();
+    let started = Instant::now();
+    let mut watch = |status: &Status| {
+        bar.set_length(status.laps.max(1) as u64);
+        bar.set_position(status.laps_done as u64);
+        bar.set_message(line(status, started.elapsed()));
+        !stopped.load(Ordering::Relaxed)
+    };
+    let outcome = scenario.run(&mut watch).map_err(|error| match error {
+        RunError::Scenario(error) => CliError::Usage(error.to_string()),
+        RunError::Fault(fault) => CliError::Fault(fault.to_string()),
+    })?;
+    bar.finish_and_clear();
+    Ok((outcome, started.elapsed()))
+}
+
+fn progress_bar() -> ProgressBar {
+    if !std::io::stderr().is_terminal() {
+        return ProgressBar::hidden();
+    }
+    let style = ProgressStyle::with_template("{spinner} {bar:30} lap {pos}/{len}  {msg}")
+        .unwrap_or_else(|_| ProgressStyle::default_bar());
+    ProgressBar::no_length().with_style(style)
+}
+
+fn line(status: &Status, wall: Duration) -> String {
+    let simulated_s = status.now.as_secs_f64();
+    let factor = simulated_s / wall.as_secs_f64().max(1e-3);
+    format!("{:>5.1} min simulated, {} samples, {factor:.0} x real time", simulated_s / 60.0, status.samples)
+}
