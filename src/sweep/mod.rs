@@ -1,1 +1,30 @@
 //! Which positions to measure from, in which order, and who waits for whom.
+//!
+//! A planner ([`rotating_gap`], [`fan`]) makes one plan per vehicle with precedence between their
+//! stops; [`validate`] and [`check_separation`] prove a set of plans; a [`Follower`] is the vehicle's
+//! side of driving it, a [`Succession`] the ground's side of replacing it by the next revision.
+//! Nothing here knows obstacles, maps or radios, and nothing measures time: the caller says what
+//! time it is.
+
+mod approach;
+mod error;
+mod fan;
+mod follower;
+mod precedence;
+#[cfg(test)]
+mod random_worlds;
+mod ring;
+mod rotating_gap;
+mod schedule;
+mod separation;
+mod succession;
+
+pub use error::{PlanError, SweepError};
+pub use fan::{FanRequest, fan};
+pub use follower::{FollowError, Follower, Refusal, Verdict, WaitsFor};
+pub use precedence::{order_legs, tracks_of, validate};
+pub use ring::{MAX_POSITIONS, MIN_POSITIONS, Ring, Side};
+pub use rotating_gap::{GapRequest, default_laps, gap_of_lap, rotating_gap};
+pub use schedule::{Lap, Schedule, Sweep, expected_duration_s, has_done};
+pub use separation::check_separation;
+pub use succession::{Phase, Succession};

@@ -1,0 +1,512 @@
+//! A vehicle's side of following plans that wait for each other: what it may drive now, what it
+//! waits for, and when it changes to the next revision. No route, no map, no speed is known here.
+//!
+//! ```text
+//!            all plans of a newer revision there, at rest at its start,
+//!            every member heard since this follower began
+//!  following r ───────────────────────────────────────────► behind the barrier of r'
+//!   ▲   │ any plan of a newer revision heard: no leg is        │ every member was heard
+//!   │   └► entered any more; entered legs are finished or held │ reporting exactly r'
+//!   └──────────────────────────────────────────────────────────┘
+//! ```
+//!
+//! **Why mixed revisions are safe.** Everything believed of a peer is a fact that stays true, so a
+//! late, doubled or reordered Progress does no harm and a lost one costs time only: "it has adopted
+//! revision r", "it has done the first k stops of r". Facts of another revision are never used.
+//!
+//! 1. A vehicle adopts r only at rest, at the start that r gives it, and reports r only then. Before
+//!    it may move, everyone must have been heard reporting r. So when the first vehicle moves under r,
+//!    all have stopped, each at its start, and all later motion obeys the `after` of r.
+//! 2. A vehicle that has left r for r' stands where r let it rest last (or held on a leg of r that it
+//!    never reports done), and stays there until all report r'. Whoever still drives under r keeps
+//!    clear of that place, since the plans of r are proven for every timing, a stand of any length included.
+//! 3. The barrier asks for exactly r, not "r or higher": a peer that jumped from r−1 to r+1 was perhaps
+//!    never at its start of r. That costs nothing: who hears of r+1 stands at the barrier, and adopts r+1.
+//! 4. Plans of a revision may come in any order, doubled, with some lost and repeated later. Only the
+//!    newest revision heard of is collected; from then on no leg is entered under the old one, also
+//!    when the new one never becomes complete or does not fit (`start` is elsewhere): the vehicle
+//!    rests, and the ground can plan from where it rests.
+//! 5. Several legs may be entered ahead to drive through stops; all entered legs count as begun.
+//! 6. A restarted vehicle has forgotten what it did. If it stands by chance at the start of the current
+//!    revision (a lap ends where it began) it must not begin that revision again. Hence it adopts
+//!    nothing before it has heard every other member, and never a revision that a peer reports begun.
+//!    So progress must be published from the start, also without any plan.
+//! 7. Who is no member of a newer revision stops for good. A ground that drops a member must know that
+//!    it stands still; that cannot be checked here.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::time::Duration;
+
+use tomoswarm_proto::{Plan, Progress, Revision, RunId, Stop, StopId, VehicleId};
+
+use super::{PlanError, validate};
+use crate::geom::Point;
+use crate::time::{Deadline, Time};
+
+/// A revision of a run; a higher run is newer than any revision of a lower one.
+type Edition = (RunId, Revision);
+
+fn edition_of(plan: &Plan) -> Edition {
+    (plan.run, plan.revision)
+}
+
+/// Why a complete newer revision was not adopted; the vehicle rests until a newer one fits.
+#[derive(Clone, PartialEq, Debug, thiserror::Error)]
+pub enum Refusal {
+    /// The plans are not valid together.
+    #[error("the plans of revision {revision} are not valid: {error}")]
+    Invalid {
+        /// Which revision.
+        revision: Revision,
+        /// What is wrong.
+        error: PlanError,
+    },
+    /// The plan starts elsewhere.
+    #[error("revision {revision} starts {distance_m:.2} m from where this vehicle rests")]
+    Elsewhere {
+        /// Which revision.
+        revision: Revision,
+        /// How far away, metres.
+        distance_m: f64,
+    },
+    /// A peer has begun it already, so this vehicle must have adopted it before a restart.
+    #[error("revision {revision} was begun by vehicle {peer} before this vehicle adopted it")]
+    Begun {
+        /// Which revision.
+        revision: Revision,
+        /// Who has begun it.
+        peer: VehicleId,
+    },
+    /// This vehicle is not one of its members.
+    #[error("revision {revision} is without this vehicle")]
+    NotMember {
+        /// Which revision.
+        revision: Revision,
+    },
+}
+
+/// What became of an offered plan.
+#[derive(Clone, PartialEq, Debug)]
+pub enum Verdict {
+    /// Of a revision that is older than, or the same as, the one followed: ignored.
+    Old,
+    /// Kept; the revision is not complete, or this vehicle does not rest yet, or has not heard all members.
+    Kept,
+    /// The revision is followed from now on.
+    Adopted,
+    /// The revision is complete but does not fit.
+    Refused(Refusal),
+}
+
+/// A call that the state does not allow; nothing was changed.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, thiserror::Error)]
+pub enum FollowError {
+    /// The leg is not the next one, or may not be entered now.
+    #[error("the leg to stop {0} may not be entered now")]
+    NotYet(StopId),
+    /// The stop is not the one whose leg is driven.
+    #[error("stop {0} is not the one being driven to")]
+    NotThere(StopId),
+}
+
+/// Why no leg may be entered now.
+#[derive(Clone, PartialEq, Debug)]
+pub enum WaitsFor {
+    /// No revision is followed yet.
+    Plans,
+    /// A newer revision is known; until it is adopted no leg is entered.
+    Revision {
+        /// Which one.
+        revision: Revision,
+        /// Why it was refused, if it was.
+        refusal: Option<Refusal>,
+    },
+    /// This vehicle has not been heard to follow the same revision.
+    Member {
+        /// Who.
+        vehicle: VehicleId,
+    },
+    /// This stop of another vehicle is not known to be done.
+    Stop {
+        /// Whose.
+        vehicle: VehicleId,
+        /// Which stop.
+        stop: StopId,
+    },
+    /// The dwell at this stop has not ended.
+    Dwell {
+        /// Where.
+        stop: StopId,
+    },
+    /// All stops are done (or their legs entered).
+    Nothing,
+}
+
+/// What is known of a peer, whatever it follows.
+#[derive(Clone, Copy, Debug)]
+struct Peer {
+    newest: Edition,
+    begun: bool,
+    at_rest: bool,
+}
+
+/// What is known of a member in the revision followed; only ever grows.
+#[derive(Clone, Debug, Default)]
+struct Member {
+    order: BTreeMap<StopId, usize>,
+    adopted: bool,
+    done: usize,
+}
+
+#[derive(Clone, Debug)]
+struct Dwell {
+    since: Time,
+    missing: BTreeSet<VehicleId>,
+}
+
+#[derive(Clone, Debug)]
+struct Adopted {
+    plans: Vec<Plan>,
+    own: usize,
+    members: BTreeMap<VehicleId, Member>,
+    done: usize,
+    entered: usize,
+    dwell: Option<Dwell>,
+}
+
+/// Follows the newest revision of plans; see the module's page for the rules.
+#[derive(Clone, Debug)]
+pub struct Follower {
+    vehicle: VehicleId,
+    tolerance_m: f64,
+    rest: Option<Point>,
+    adopted: Option<Adopted>,
+    pending: BTreeMap<VehicleId, Plan>,
+    refusal: Option<Refusal>,
+    peers: BTreeMap<VehicleId, Peer>,
+}
+
+impl Follower {
+    /// Makes the follower of a vehicle that stands at `rest`; `tolerance_m` is how far from a plan's
+    /// start it may stand to begin it, metres.
+    pub fn new(vehicle: VehicleId, rest: Point, tolerance_m: f64) -> Follower {
+        Follower {
+            vehicle,
+            tolerance_m,
+            rest: Some(rest),
+            adopted: None,
+            pending: BTreeMap::new(),
+            refusal: None,
+            peers: BTreeMap::new(),
+        }
+    }
+
+    /// Takes a plan heard, own or a peer's; plans may come in any order and any number of times.
+    pub fn offer(&mut self, plan: &Plan) -> Verdict {
+        let edition = edition_of(plan);
+        let newest = self.pending_edition().or(self.adopted_edition());
+        let known = self.adopted_edition().is_some_and(|adopted| adopted >= edition);
+        if known || newest.is_some_and(|newest| newest > edition) {
+            return Verdict::Old;
+        }
+        if newest != Some(edition) {
+            self.pending.clear();
+            self.refusal = None;
+        }
+        self.pending.entry(plan.vehicle).or_insert_with(|| plan.clone());
+        self.try_adopting()
+    }
+
+    /// Takes a peer's progress, from the bus or by radio; late and repeated ones do no harm.
+    pub fn hear(&mut self, now: Time, progress: &Progress) {
+        if progress.vehicle == self.vehicle {
+            return;
+        }
+        self.note_member(progress);
+        self.note_peer(progress);
+        let same = self.adopted_edition() == Some((progress.run, progress.revision));
+        let dwell = self.adopted.as_mut().and_then(|adopted| adopted.dwell.as_mut());
+        if let Some(dwell) = dwell.filter(|_| same && progress.leg.is_none()) {
+            dwell.missing.remove(&progress.vehicle);
+        }
+        self.wake(now);
+        self.try_adopting();
+    }
+
+    fn note_member(&mut self, progress: &Progress) {
+        if self.adopted_edition() != Some((progress.run, progress.revision)) {
+            return;
+        }
+        let member = self.adopted.as_mut().and_then(|adopted| adopted.members.get_mut(&progress.vehicle));
+        let Some(member) = member else { return };
+        member.adopted = true;
+        let done = progress.done.and_then(|stop| member.order.get(&stop)).map_or(0, |index| index + 1);
+        member.done = member.done.max(done);
+    }
+
+    fn note_peer(&mut self, progress: &Progress) {
+        let heard = Peer {
+            newest: (progress.run, progress.revision),
+            begun: progress.done.is_some() || progress.leg.is_some(),
+            at_rest: progress.leg.is_none(),
+        };
+        let peer = self.peers.entry(progress.vehicle).or_insert(heard);
+        match heard.newest.cmp(&peer.newest) {
+            std::cmp::Ordering::Less => {}
+            std::cmp::Ordering::Equal => *peer = Peer { begun: peer.begun || heard.begun, ..heard },
+            std::cmp::Ordering::Greater => *peer = heard,
+        }
+    }
+
+    /// Tells that the vehicle is held in the middle of a leg and stands at `at`, so that it may change
+    /// to a newer revision from there; true when it has changed, and the leg is given up.
+    pub fn hold(&mut self, at: Point) -> bool {
+        self.rest = Some(at);
+        self.try_adopting() == Verdict::Adopted
+    }
+
+    /// Tells that a held vehicle goes on with the legs that it had entered.
+    pub fn resume(&mut self) {
+        if self.adopted.as_ref().is_some_and(Adopted::is_driving) {
+            self.rest = None;
+        }
+    }
+
+    /// Gives the next leg, if it may be entered now.
+    pub fn next_leg(&self) -> Option<&Stop> {
+        self.may_enter(0)
+    }
+
+    /// Gives the leg `ahead` legs behind the last one entered (0 = the next), if it and all before it
+    /// may be entered now without a dwell between.
+    ///
+    /// What it says stays true until a plan of a newer revision is offered.
+    pub fn may_enter(&self, ahead: usize) -> Option<&Stop> {
+        let adopted = self.adopted.as_ref()?;
+        let target = adopted.entered.checked_add(ahead)?;
+        let stop = adopted.stops().get(target)?;
+        self.obstacle_up_to(adopted, target).is_none().then_some(stop)
+    }
+
+    /// The first reason why not all legs up to `target` may be entered.
+    fn obstacle_up_to(&self, adopted: &Adopted, target: usize) -> Option<WaitsFor> {
+        if let Some(revision) = self.newer_revision() {
+            return Some(WaitsFor::Revision { revision, refusal: self.refusal.clone() });
+        }
+        let waiting =
+            adopted.members.iter().find(|(vehicle, member)| **vehicle != self.vehicle && !member.adopted);
+        if let Some((&vehicle, _)) = waiting {
+            return Some(WaitsFor::Member { vehicle });
+        }
+        let stops = adopted.stops();
+        let dwelling = stops[adopted.done..target].iter().find(|stop| stop.dwell_ms > 0);
+        if let Some(stop) = dwelling {
+            return Some(WaitsFor::Dwell { stop: stop.id });
+        }
+        let after = stops[adopted.entered..=target].iter().flat_map(|stop| &stop.after);
+        let missing = after.into_iter().find(|(vehicle, stop)| !adopted.is_done(*vehicle, *stop));
+        missing.map(|(vehicle, stop)| WaitsFor::Stop { vehicle: *vehicle, stop: *stop })
+    }
+
+    /// Says why no leg may be entered now; `None` when [`Follower::next_leg`] gives one.
+    pub fn waits_for(&self) -> Option<WaitsFor> {
+        let Some(adopted) = &self.adopted else {
+            let revision = self.newer_revision();
+            let waits = |revision| WaitsFor::Revision { revision, refusal: self.refusal.clone() };
+            return Some(revision.map_or(WaitsFor::Plans, waits));
+        };
+        if self.newer_revision().is_none() && adopted.entered >= adopted.stops().len() {
+            let dwelling = adopted.dwell.as_ref().and_then(|_| adopted.stops().get(adopted.done));
+            return Some(dwelling.map_or(WaitsFor::Nothing, |stop| WaitsFor::Dwell { stop: stop.id }));
+        }
+        self.obstacle_up_to(adopted, adopted.entered)
+    }
+
+    /// Enters the next leg: from now on it will be driven to its end, or held on it.
+    ///
+    /// A vehicle that cannot brake before a stop any more must have entered the leg behind it.
+    ///
+    /// # Errors
+    /// It is not the next leg, or may not be entered now.
+    pub fn enter(&mut self, stop: StopId) -> Result<(), FollowError> {
+        if self.next_leg().map(|next| next.id) != Some(stop) {
+            return Err(FollowError::NotYet(stop));
+        }
+        if let Some(adopted) = &mut self.adopted {
+            adopted.entered += 1;
+            self.rest = None;
+        }
+        Ok(())
+    }
+
+    /// Tells that the vehicle passes or has reached the stop whose leg it drives.
+    ///
+    /// With a dwell it begins; without one the stop is done at once. When no leg behind the stop was
+    /// entered the vehicle must stand at `at`, and may change to a newer revision here.
+    ///
+    /// # Errors
+    /// It is not the first stop that is entered and not done.
+    pub fn arrive(&mut self, now: Time, stop: StopId, at: Point) -> Result<(), FollowError> {
+        let peers = &self.peers;
+        let driven = self.adopted.as_mut().filter(|adopted| adopted.is_driving());
+        let Some(adopted) = driven.filter(|adopted| adopted.stops()[adopted.done].id == stop) else {
+            return Err(FollowError::NotThere(stop));
+        };
+        let reached = &adopted.stops()[adopted.done];
+        if reached.dwell_ms > 0 {
+            let edition = edition_of(&adopted.plans[adopted.own]);
+            let resting = |partner: &VehicleId| {
+                peers.get(partner).is_some_and(|peer| peer.at_rest && peer.newest == edition)
+            };
+            let missing = reached.partners.iter().filter(|partner| !resting(partner)).copied().collect();
+            adopted.dwell = Some(Dwell { since: now, missing });
+        } else {
+            adopted.done += 1;
+        }
+        if !adopted.is_driving() {
+            self.rest = Some(at);
+        }
+        self.try_adopting();
+        Ok(())
+    }
+
+    /// Gives when the dwell ends, if the vehicle dwells.
+    pub fn deadline(&self) -> Option<Deadline> {
+        let adopted = self.adopted.as_ref()?;
+        let dwell = adopted.dwell.as_ref()?;
+        let stop = &adopted.stops()[adopted.done];
+        let limit_ms = stop.dwell_limit_ms.max(stop.dwell_ms);
+        let stay_ms = if dwell.missing.is_empty() { stop.dwell_ms } else { limit_ms };
+        let at = dwell.since + Duration::from_millis(u64::from(stay_ms));
+        Some(Deadline { at, why: "the dwell at the stop ends" })
+    }
+
+    /// Ends a dwell whose time is over; true when a stop was done by that.
+    pub fn wake(&mut self, now: Time) -> bool {
+        let over = self.deadline().is_some_and(|deadline| deadline.at <= now);
+        let Some(adopted) = self.adopted.as_mut().filter(|_| over) else { return false };
+        adopted.dwell = None;
+        adopted.done += 1;
+        true
+    }
+
+    /// Gives the progress to publish, on change and again and again, also before any plan is there.
+    pub fn progress(&self) -> Progress {
+        let nothing = Progress { vehicle: self.vehicle, ..Progress::default() };
+        let Some(adopted) = &self.adopted else { return nothing };
+        let (run, revision) = edition_of(&adopted.plans[adopted.own]);
+        let id = |count: usize| count.checked_sub(1).map(|last| adopted.stops()[last].id);
+        let leg = if adopted.is_driving() { id(adopted.entered) } else { None };
+        Progress { vehicle: self.vehicle, run, revision, done: id(adopted.done), leg }
+    }
+
+    /// Tells whether every stop of the revision followed is done and no newer revision is known.
+    pub fn finished(&self) -> bool {
+        let ended = |adopted: &Adopted| adopted.done >= adopted.stops().len();
+        self.newer_revision().is_none() && self.adopted.as_ref().is_some_and(ended)
+    }
+
+    /// Gives the own plan of the revision followed.
+    pub fn plan(&self) -> Option<&Plan> {
+        self.adopted.as_ref().map(|adopted| &adopted.plans[adopted.own])
+    }
+
+    /// Gives the plans of all members of the revision followed; none before the first.
+    pub fn plans(&self) -> &[Plan] {
+        self.adopted.as_ref().map_or(&[], |adopted| &adopted.plans)
+    }
+
+    /// Gives the stops whose legs are entered and which are not done, the first the one driven to (or
+    /// dwelt at).
+    pub fn entered(&self) -> &[Stop] {
+        self.adopted.as_ref().map_or(&[], |adopted| &adopted.stops()[adopted.done..adopted.entered])
+    }
+
+    /// Gives why the newest revision is not followed, if it was refused.
+    pub fn refusal(&self) -> Option<&Refusal> {
+        self.refusal.as_ref()
+    }
+
+    fn adopted_edition(&self) -> Option<Edition> {
+        self.plan().map(edition_of)
+    }
+
+    fn pending_edition(&self) -> Option<Edition> {
+        self.pending.values().next().map(edition_of)
+    }
+
+    fn newer_revision(&self) -> Option<Revision> {
+        self.pending_edition().map(|(_, revision)| revision)
+    }
+
+    /// Adopts the pending revision when it is complete, fits, and the vehicle rests.
+    fn try_adopting(&mut self) -> Verdict {
+        let Some(sample) = self.pending.values().next() else { return Verdict::Old };
+        let members = sample.members.clone();
+        if !members.contains(&self.vehicle) {
+            return self.refuse(Refusal::NotMember { revision: sample.revision });
+        }
+        if let Some(refusal @ Refusal::Invalid { .. }) = &self.refusal {
+            return Verdict::Refused(refusal.clone());
+        }
+        let complete = members.iter().all(|member| self.pending.contains_key(member));
+        let (Some(rest), true) = (self.rest, complete) else { return Verdict::Kept };
+        if members.iter().any(|member| *member != self.vehicle && !self.peers.contains_key(member)) {
+            return Verdict::Kept;
+        }
+        let Some(own) = self.pending.get(&self.vehicle) else { return Verdict::Kept };
+        let (edition, revision) = (edition_of(own), own.revision);
+        let begun = |peer: &Peer| peer.newest == edition && peer.begun;
+        if let Some((&peer, _)) = self.peers.iter().find(|(_, peer)| begun(peer)) {
+            return self.refuse(Refusal::Begun { revision, peer });
+        }
+        let distance_m = rest.distance_to(own.start.into());
+        if !own.stops.is_empty() && distance_m > self.tolerance_m {
+            return self.refuse(Refusal::Elsewhere { revision, distance_m });
+        }
+        let plans: Vec<Plan> = self.pending.values().cloned().collect();
+        if let Err(error) = validate(&plans) {
+            return self.refuse(Refusal::Invalid { revision, error });
+        }
+        self.pending.clear();
+        self.refusal = None;
+        self.adopted = Some(Adopted::new(plans, self.vehicle, edition, &self.peers));
+        Verdict::Adopted
+    }
+
+    fn refuse(&mut self, refusal: Refusal) -> Verdict {
+        self.refusal = Some(refusal.clone());
+        Verdict::Refused(refusal)
+    }
+}
+
+impl Adopted {
+    fn new(
+        plans: Vec<Plan>,
+        vehicle: VehicleId,
+        edition: Edition,
+        peers: &BTreeMap<VehicleId, Peer>,
+    ) -> Adopted {
+        let member = |plan: &Plan| {
+            let order = plan.stops.iter().enumerate().map(|(index, stop)| (stop.id, index)).collect();
+            let adopted = peers.get(&plan.vehicle).is_some_and(|peer| peer.newest == edition);
+            (plan.vehicle, Member { order, adopted, done: 0 })
+        };
+        let members = plans.iter().map(member).collect();
+        let own = plans.iter().position(|plan| plan.vehicle == vehicle).unwrap_or(0);
+        Adopted { plans, own, members, done: 0, entered: 0, dwell: None }
+    }
+
+    fn stops(&self) -> &[Stop] {
+        &self.plans[self.own].stops
+    }
+
+    fn is_driving(&self) -> bool {
+        self.entered > self.done && self.dwell.is_none()
+    }
+
+    fn is_done(&self, vehicle: VehicleId, stop: StopId) -> bool {
+        let Some(member) = self.members.get(&vehicle) else { return false };
+        member.order.get(&stop).is_some_and(|index| *index < member.done)
+    }
+}

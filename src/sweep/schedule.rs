@@ -1,0 +1,74 @@
+//! What a planner hands over: the plans, and which stops end which lap.
+
+use tomoswarm_proto::{Plan, Progress, StopId, VehicleId};
+
+use super::PlanError;
+use super::precedence::{resolve_after, topological_order, tracks_of, validate};
+
+/// Plans of all vehicles, with their schedule.
+#[derive(Clone, PartialEq, Debug)]
+pub struct Sweep {
+    /// One plan per vehicle, ascending by vehicle.
+    pub plans: Vec<Plan>,
+    /// The laps of the sweep.
+    pub schedule: Schedule,
+}
+
+/// The laps of a sweep, in order.
+#[derive(Clone, PartialEq, Debug, Default)]
+pub struct Schedule {
+    /// The laps that the plans drive; not those already driven before.
+    pub laps: Vec<Lap>,
+}
+
+/// One lap (of the fan: one round).
+#[derive(Clone, PartialEq, Debug)]
+pub struct Lap {
+    /// Its number in the whole sweep, from 0.
+    pub number: usize,
+    /// Per vehicle, ascending, its first and last stop of the lap.
+    pub stops: Vec<(VehicleId, StopId, StopId)>,
+}
+
+impl Schedule {
+    /// Gives the number of laps that every vehicle has ended, counted from the first of the plans.
+    pub fn laps_done(&self, plans: &[Plan], progress: &[Progress]) -> usize {
+        let ended = |lap: &&Lap| {
+            lap.stops.iter().all(|(vehicle, _, last)| {
+                let plan = plans.iter().find(|plan| plan.vehicle == *vehicle);
+                plan.is_some_and(|plan| progress.iter().any(|heard| has_done(plan, heard, *last)))
+            })
+        };
+        self.laps.iter().take_while(ended).count()
+    }
+}
+
+/// Tells whether a vehicle's progress says that a stop of its plan is done.
+///
+/// Progress of another vehicle, run or revision says nothing of the plan.
+pub fn has_done(plan: &Plan, progress: &Progress, stop: StopId) -> bool {
+    let same = (plan.vehicle, plan.run, plan.revision) == (progress.vehicle, progress.run, progress.revision);
+    let index = |id: StopId| plan.stops.iter().position(|candidate| candidate.id == id);
+    let done = progress.done.and_then(index);
+    same && index(stop).is_some_and(|wanted| done.is_some_and(|last| last >= wanted))
+}
+
+/// Gives the time to drive plans to their ends at a steady speed, with turns for nothing and every
+/// dwell at its shortest, seconds.
+///
+/// # Errors
+/// The plans are not valid together.
+pub fn expected_duration_s(plans: &[Plan], speed_mps: f64) -> Result<f64, PlanError> {
+    validate(plans)?;
+    let after = resolve_after(plans)?;
+    let mut done_s: Vec<Vec<f64>> = plans.iter().map(|plan| vec![0.0; plan.stops.len()]).collect();
+    let lengths_m: Vec<Vec<f64>> =
+        plans.iter().map(|plan| tracks_of(plan).iter().map(crate::geom::Track::length_m).collect()).collect();
+    for (index, at) in topological_order(plans)? {
+        let own_s = if at > 0 { done_s[index][at - 1] } else { 0.0 };
+        let ready_s = after[index][at].iter().map(|(of, stop)| done_s[*of][*stop]).fold(own_s, f64::max);
+        let dwell_s = f64::from(plans[index].stops[at].dwell_ms) * 1e-3;
+        done_s[index][at] = ready_s + lengths_m[index][at] / speed_mps + dwell_s;
+    }
+    Ok(done_s.iter().filter_map(|times_s| times_s.last()).copied().fold(0.0, f64::max))
+}

@@ -1,0 +1,136 @@
+//! The ground's side of revisions: stop everyone, learn where they rest, begin the next revision.
+//!
+//! ```text
+//!           stop()                    every member reports it        begin(plans)
+//!  Driving ────────► Stopping (empty) ─────────────────────► Resting ───────────► Driving
+//! ```
+//!
+//! An empty revision (no stops, start anywhere) makes every vehicle finish or hold its leg and report;
+//! only then is it known from where the next real revision must start. The plans of the current
+//! revision are repeated, every 5 s, by the caller. A vehicle that restarts (Hello with another boot)
+//! never adopts the running revision again: answer with [`Succession::stop`] and a new plan.
+
+use std::collections::BTreeSet;
+
+use tomoswarm_proto::{Plan, Position, Progress, Revision, RunId, VehicleId};
+
+use super::{PlanError, validate};
+
+/// How far the current revision is.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub enum Phase {
+    /// No revision was published; the vehicles are taken to be at rest.
+    Resting,
+    /// An empty revision is out; not everyone reports it.
+    Stopping,
+    /// Everyone has stopped under the empty revision and reports it.
+    Stopped,
+    /// A revision with stops is out.
+    Driving,
+}
+
+/// Numbers the revisions of a run and remembers the plans to repeat.
+#[derive(Clone, Debug)]
+pub struct Succession {
+    run: RunId,
+    members: Vec<VehicleId>,
+    revision: Revision,
+    plans: Vec<Plan>,
+    reported: BTreeSet<VehicleId>,
+}
+
+impl Succession {
+    /// Makes the succession of a run; its first revision is the one above `highest`, the highest
+    /// revision that any vehicle has echoed of this run (0 when none).
+    pub fn new(run: RunId, members: &[VehicleId], highest: Revision) -> Succession {
+        let ascending: BTreeSet<VehicleId> = members.iter().copied().collect();
+        Succession {
+            run,
+            members: ascending.into_iter().collect(),
+            revision: highest,
+            plans: Vec::new(),
+            reported: BTreeSet::new(),
+        }
+    }
+
+    /// Gives the members, ascending.
+    pub fn members(&self) -> &[VehicleId] {
+        &self.members
+    }
+
+    /// Gives the revision that the next plans will have.
+    pub fn next_revision(&self) -> Revision {
+        Revision(self.revision.0.saturating_add(1))
+    }
+
+    /// Gives the plans of the current revision, to be published on change and every 5 s.
+    pub fn plans(&self) -> &[Plan] {
+        &self.plans
+    }
+
+    /// Replaces the current revision by an empty one, under which everyone comes to rest.
+    pub fn stop(&mut self) -> &[Plan] {
+        let empty = |vehicle: &VehicleId| Plan {
+            vehicle: *vehicle,
+            run: self.run,
+            revision: self.revision,
+            members: self.members.clone(),
+            start: Position::default(),
+            stops: Vec::new(),
+        };
+        let plans = self.members.iter().map(empty).collect();
+        self.publish(plans)
+    }
+
+    /// Begins a revision with the given plans; run, revision and members are filled in.
+    ///
+    /// The plans must start where the vehicles rest: as last reported in [`Phase::Stopped`].
+    ///
+    /// # Errors
+    /// The plans are not exactly one for each member, or not valid together; nothing is changed.
+    pub fn begin(&mut self, mut plans: Vec<Plan>) -> Result<&[Plan], PlanError> {
+        for plan in &mut plans {
+            plan.run = self.run;
+            plan.revision = self.next_revision();
+            plan.members.clone_from(&self.members);
+        }
+        validate(&plans)?;
+        Ok(self.publish(plans))
+    }
+
+    fn publish(&mut self, mut plans: Vec<Plan>) -> &[Plan] {
+        self.revision = self.next_revision();
+        for plan in &mut plans {
+            plan.revision = self.revision;
+        }
+        self.plans = plans;
+        self.reported.clear();
+        &self.plans
+    }
+
+    /// Takes a vehicle's progress.
+    pub fn hear(&mut self, progress: &Progress) {
+        let current = (progress.run, progress.revision) == (self.run, self.revision);
+        if current && self.members.contains(&progress.vehicle) {
+            self.reported.insert(progress.vehicle);
+        }
+    }
+
+    /// Gives the members not heard to follow the current revision.
+    pub fn missing(&self) -> impl Iterator<Item = VehicleId> + '_ {
+        self.members.iter().filter(|member| !self.reported.contains(member)).copied()
+    }
+
+    /// Gives how far the current revision is.
+    pub fn phase(&self) -> Phase {
+        if self.plans.is_empty() {
+            Phase::Resting
+        } else if self.plans.iter().any(|plan| !plan.stops.is_empty()) {
+            Phase::Driving
+        } else if self.missing().next().is_some() {
+            Phase::Stopping
+        } else {
+            Phase::Stopped
+        }
+    }
+}
