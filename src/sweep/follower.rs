@@ -2,8 +2,7 @@
 //! waits for, and when it changes to the next revision. No route, no map, no speed is known here.
 //!
 //! ```text
-//!            all plans of a newer revision there, at rest at its start,
-//!            every member heard since this follower began
+//!            all plans of a newer revision there, at rest at its start
 //!  following r ───────────────────────────────────────────► behind the barrier of r'
 //!   ▲   │ any plan of a newer revision heard: no leg is        │ every member was heard
 //!   │   └► entered any more; entered legs are finished or held │ reporting exactly r'
@@ -28,9 +27,10 @@
 //!    rests, and the ground can plan from where it rests.
 //! 5. Several legs may be entered ahead to drive through stops; all entered legs count as begun.
 //! 6. A restarted vehicle has forgotten what it did. If it stands by chance at the start of the current
-//!    revision (a lap ends where it began) it must not begin that revision again. Hence it adopts
-//!    nothing before it has heard every other member, and never a revision that a peer reports begun.
-//!    So progress must be published from the start, also without any plan.
+//!    revision (a lap ends where it began) it must not begin that revision again, since the others
+//!    count its stops as done. Hence the first revision that it adopts must be an empty one (no stops
+//!    for anyone): the ground's answer to a restart, and how it begins every run. This supposes that
+//!    a restart takes longer than a message.
 //! 7. Who is no member of a newer revision stops for good. A ground that drops a member must know that
 //!    it stands still; that cannot be checked here.
 
@@ -69,13 +69,11 @@ pub enum Refusal {
         /// How far away, metres.
         distance_m: f64,
     },
-    /// A peer has begun it already, so this vehicle must have adopted it before a restart.
-    #[error("revision {revision} was begun by vehicle {peer} before this vehicle adopted it")]
-    Begun {
+    /// It has stops, and no empty revision was adopted since this vehicle's software started.
+    #[error("revision {revision} has stops, but this vehicle has restarted and adopts an empty one first")]
+    NotStopped {
         /// Which revision.
         revision: Revision,
-        /// Who has begun it.
-        peer: VehicleId,
     },
     /// This vehicle is not one of its members.
     #[error("revision {revision} is without this vehicle")]
@@ -90,7 +88,7 @@ pub enum Refusal {
 pub enum Verdict {
     /// Of a revision that is older than, or the same as, the one followed: ignored.
     Old,
-    /// Kept; the revision is not complete, or this vehicle does not rest yet, or has not heard all members.
+    /// Kept; the revision is not complete, or this vehicle does not rest yet.
     Kept,
     /// The revision is followed from now on.
     Adopted,
@@ -146,7 +144,6 @@ pub enum WaitsFor {
 #[derive(Clone, Copy, Debug)]
 struct Peer {
     newest: Edition,
-    begun: bool,
     at_rest: bool,
 }
 
@@ -230,7 +227,6 @@ impl Follower {
             dwell.missing.remove(&progress.vehicle);
         }
         self.wake(now);
-        self.try_adopting();
     }
 
     fn note_member(&mut self, progress: &Progress) {
@@ -245,16 +241,10 @@ impl Follower {
     }
 
     fn note_peer(&mut self, progress: &Progress) {
-        let heard = Peer {
-            newest: (progress.run, progress.revision),
-            begun: progress.done.is_some() || progress.leg.is_some(),
-            at_rest: progress.leg.is_none(),
-        };
+        let heard = Peer { newest: (progress.run, progress.revision), at_rest: progress.leg.is_none() };
         let peer = self.peers.entry(progress.vehicle).or_insert(heard);
-        match heard.newest.cmp(&peer.newest) {
-            std::cmp::Ordering::Less => {}
-            std::cmp::Ordering::Equal => *peer = Peer { begun: peer.begun || heard.begun, ..heard },
-            std::cmp::Ordering::Greater => *peer = heard,
+        if heard.newest >= peer.newest {
+            *peer = heard;
         }
     }
 
@@ -451,17 +441,15 @@ impl Follower {
         }
         let complete = members.iter().all(|member| self.pending.contains_key(member));
         let (Some(rest), true) = (self.rest, complete) else { return Verdict::Kept };
-        if members.iter().any(|member| *member != self.vehicle && !self.peers.contains_key(member)) {
-            return Verdict::Kept;
-        }
         let Some(own) = self.pending.get(&self.vehicle) else { return Verdict::Kept };
         let (edition, revision) = (edition_of(own), own.revision);
-        let begun = |peer: &Peer| peer.newest == edition && peer.begun;
-        if let Some((&peer, _)) = self.peers.iter().find(|(_, peer)| begun(peer)) {
-            return self.refuse(Refusal::Begun { revision, peer });
-        }
         let distance_m = rest.distance_to(own.start.into());
-        if !own.stops.is_empty() && distance_m > self.tolerance_m {
+        // A vehicle without stops of its own is in the way of the others all the same.
+        let all_stop = self.pending.values().all(|plan| plan.stops.is_empty());
+        if !all_stop && self.adopted.is_none() {
+            return self.refuse(Refusal::NotStopped { revision });
+        }
+        if !all_stop && distance_m > self.tolerance_m {
             return self.refuse(Refusal::Elsewhere { revision, distance_m });
         }
         let plans: Vec<Plan> = self.pending.values().cloned().collect();

@@ -6,9 +6,10 @@
 //! ```
 //!
 //! An empty revision (no stops, start anywhere) makes every vehicle finish or hold its leg and report;
-//! only then is it known from where the next real revision must start. The plans of the current
-//! revision are repeated, every 5 s, by the caller. A vehicle that restarts (Hello with another boot)
-//! never adopts the running revision again: answer with [`Succession::stop`] and a new plan.
+//! only then is it known from where the next real revision must start. A run begins with one too,
+//! since a vehicle adopts no stops before an empty revision: so answer the restart of a vehicle (Hello
+//! with another boot) with [`Succession::stop`] and a new plan. The plans of the current revision are
+//! repeated, every 5 s, by the caller.
 
 use std::collections::BTreeSet;
 
