@@ -222,3 +222,103 @@ pub(super) fn topological_order(plans: &[Plan]) -> Result<Vec<StopIndex>, PlanEr
     }
     Ok(order)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::sweep::check_separation;
+    use tomoswarm_proto::{Position, Revision, RunId};
+
+    const ONE: VehicleId = VehicleId(1);
+    const TWO: VehicleId = VehicleId(2);
+
+    fn position((x_m, y_m): (f64, f64)) -> Position {
+        Position { x_m, y_m }
+    }
+
+    fn plan(vehicle: VehicleId, start: (f64, f64), stops: &[(f64, f64)]) -> Plan {
+        let stop = |(number, at): (usize, &(f64, f64))| Stop {
+            id: StopId(number as u32 + 1),
+            at: position(*at),
+            route: vec![],
+            dwell_ms: 0,
+            dwell_limit_ms: 0,
+            partners: vec![],
+            after: vec![],
+        };
+        Plan {
+            vehicle,
+            run: RunId(1),
+            revision: Revision(1),
+            members: vec![ONE, TWO],
+            start: position(start),
+            stops: stops.iter().enumerate().map(stop).collect(),
+        }
+    }
+
+    /// One drives east across the way that two drives north.
+    fn crossing() -> Vec<Plan> {
+        let one = plan(ONE, (0.0, 5.0), &[(4.0, 5.0), (6.0, 5.0), (10.0, 5.0)]);
+        vec![one, plan(TWO, (5.0, 0.0), &[(5.0, 3.0), (5.0, 10.0)])]
+    }
+
+    #[test]
+    fn whoever_comes_second_waits_for_the_leg_that_leaves_the_conflict() {
+        let mut plans = crossing();
+        assert!(matches!(check_separation(&plans, 1.2), Err(PlanError::TooClose { .. })));
+        order_legs(&mut plans, &[ONE, TWO, ONE, ONE, TWO], 1.2).unwrap();
+        // Stop 2 of one is 1 m from the crossing way: the third leg is the one that leaves it.
+        assert_eq!(plans[1].stops[1].after, [(ONE, StopId(3))]);
+        assert!(plans[0].stops.iter().all(|stop| stop.after.is_empty()));
+        check_separation(&plans, 1.2).unwrap();
+        let mut plans = crossing();
+        order_legs(&mut plans, &[TWO, TWO, ONE, ONE, ONE], 1.2).unwrap();
+        assert_eq!(plans[0].stops[0].after, [(TWO, StopId(2))]);
+        check_separation(&plans, 1.2).unwrap();
+    }
+
+    #[test]
+    fn an_order_in_which_someone_is_in_the_way_is_refused() {
+        let wrong = order_legs(&mut crossing(), &[ONE, ONE, TWO, TWO, ONE], 1.2);
+        assert!(matches!(wrong, Err(PlanError::TooClose { vehicle: TWO, .. })), "{wrong:?}");
+        let short = order_legs(&mut crossing(), &[TWO, TWO, ONE], 1.2);
+        assert_eq!(short, Err(PlanError::Sequence { vehicle: ONE, named: 1, planned: 3 }));
+        let long = order_legs(&mut crossing(), &[TWO, TWO, TWO], 1.2);
+        assert_eq!(long, Err(PlanError::Sequence { vehicle: TWO, named: 3, planned: 2 }));
+    }
+
+    #[test]
+    fn a_vehicle_without_stops_is_in_the_way_too() {
+        let parked = plan(TWO, (5.0, 5.5), &[]);
+        let plans = [crossing().remove(0), parked];
+        assert!(matches!(check_separation(&plans, 1.2), Err(PlanError::TooClose { .. })));
+        let near = [plan(ONE, (0.0, 0.0), &[]), plan(TWO, (1.0, 0.0), &[])];
+        assert!(matches!(check_separation(&near, 1.2), Err(PlanError::TooClose { stop: None, .. })));
+    }
+
+    #[test]
+    fn sets_of_plans_that_do_not_belong_together_are_refused() {
+        let check = |change: fn(&mut Vec<Plan>), expected: &str| {
+            let mut plans = crossing();
+            change(&mut plans);
+            let error = validate(&plans).unwrap_err().to_string();
+            assert!(error.contains(expected), "{error}");
+        };
+        assert_eq!(validate(&crossing()), Ok(()));
+        check(|plans| plans.clear(), "no plans");
+        check(|plans| drop(plans.pop()), "vehicle 2 does not fit");
+        check(|plans| plans[1].vehicle = ONE, "members");
+        check(|plans| plans[1].revision = Revision(9), "does not belong to run 1 revision 1");
+        check(|plans| plans.iter_mut().for_each(|p| p.members = vec![TWO, ONE]), "vehicle 1 does not fit");
+        check(|plans| plans[0].stops[2].id = StopId(1), "stop 1 occurs twice");
+        check(|plans| plans[0].stops[0].after = vec![(TWO, StopId(7))], "stop 7 of vehicle 2");
+        check(|plans| plans[0].stops[0].after = vec![(ONE, StopId(1))], "no other plan has");
+        check(
+            |plans| {
+                plans[0].stops[1].after = vec![(TWO, StopId(2))];
+                plans[1].stops[0].after = vec![(ONE, StopId(2))];
+            },
+            "circle",
+        );
+    }
+}

@@ -30,8 +30,10 @@ enum Fault {
     HalfAfter,
     /// Everyone is made to believe that all others follow the newest revision.
     NoBarrier,
-    /// A vehicle's place in the new plans is where it was at the start of the run.
+    /// A plan is adopted from anywhere.
     NoTolerance,
+    /// A restarted vehicle believes that it has just adopted an empty revision.
+    NoStopFirst,
 }
 
 /// splitmix64: a pure sequence of a seed.
@@ -207,7 +209,11 @@ impl World {
             match self.fault {
                 Fault::NoAfter => stop.after.clear(),
                 Fault::HalfAfter if number % 2 == 0 => stop.after.clear(),
-                Fault::HalfAfter | Fault::None | Fault::NoBarrier | Fault::NoTolerance => {}
+                Fault::HalfAfter
+                | Fault::None
+                | Fault::NoBarrier
+                | Fault::NoTolerance
+                | Fault::NoStopFirst => {}
             }
         }
         self.ground.begin(plans).expect("valid plans");
@@ -283,6 +289,10 @@ impl World {
         body.way.clear();
         body.held = false;
         body.off_until = self.tick + 45;
+        if self.fault == Fault::NoStopFirst {
+            let stale = self.published.iter().take_while(|plan| plan.revision == self.published[0].revision);
+            stale.for_each(|plan| drop(body.follower.offer(plan)));
+        }
     }
 
     /// Lets one vehicle decide: go on, pass through, stop; as a mission would.
@@ -471,4 +481,9 @@ fn a_forgotten_barrier_is_noticed_as_a_collision() {
 #[test]
 fn a_plan_from_elsewhere_is_noticed_as_a_collision() {
     assert!(collisions(0..300, Fault::NoTolerance) > 0);
+}
+
+#[test]
+fn a_restart_that_begins_its_plan_again_is_noticed_as_a_collision() {
+    assert!(collisions(0..3000, Fault::NoStopFirst) > 0);
 }

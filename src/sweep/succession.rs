@@ -135,3 +135,42 @@ impl Succession {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use tomoswarm_proto::{Stop, StopId};
+
+    fn report(vehicle: u8, revision: u32) -> Progress {
+        let (run, revision) = (RunId(4), Revision(revision));
+        Progress { vehicle: VehicleId(vehicle), run, revision, done: None, leg: None }
+    }
+
+    #[test]
+    fn a_new_revision_begins_once_all_have_stopped_under_an_empty_one() {
+        let mut ground = Succession::new(RunId(4), &[VehicleId(2), VehicleId(1)], Revision(6));
+        assert_eq!(ground.phase(), Phase::Resting);
+        assert!(ground.stop().iter().all(|plan| plan.revision == Revision(7) && plan.stops.is_empty()));
+        ground.hear(&report(1, 7));
+        ground.hear(&report(2, 6));
+        ground.hear(&report(9, 7));
+        assert_eq!(ground.phase(), Phase::Stopping);
+        assert_eq!(ground.missing().collect::<Vec<_>>(), [VehicleId(2)]);
+        ground.hear(&report(2, 7));
+        assert_eq!(ground.phase(), Phase::Stopped);
+        let mut plans = ground.plans().to_vec();
+        assert!(ground.begin(plans[..1].to_vec()).is_err());
+        assert_eq!(ground.phase(), Phase::Stopped);
+        plans[0].stops.push(Stop {
+            id: StopId(1),
+            at: Position::default(),
+            route: vec![],
+            dwell_ms: 0,
+            dwell_limit_ms: 0,
+            partners: vec![],
+            after: vec![],
+        });
+        assert!(ground.begin(plans).unwrap().iter().all(|plan| plan.revision == Revision(8)));
+        assert_eq!(ground.phase(), Phase::Driving);
+    }
+}
