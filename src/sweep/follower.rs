@@ -158,8 +158,8 @@ impl Follower {
         }
     }
 
-    /// Tells that the vehicle is held in the middle of a leg and stands at `at`, so that it may change
-    /// to a newer revision from there; true when it has changed, and the leg is given up.
+    /// Tells that the vehicle stands at `at`, held in the middle of a leg or brought there off plan, so
+    /// that it may change to a newer revision from there; true when it has changed, and the leg is given up.
     ///
     /// From now on also an offered plan may change the revision; [`Follower::resume`] must be called
     /// before the vehicle moves again, and does nothing when the leg was given up meanwhile.
