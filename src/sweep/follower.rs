@@ -39,7 +39,7 @@ use std::time::Duration;
 
 use tomoswarm_proto::{Plan, Progress, Revision, RunId, Stop, StopId, VehicleId};
 
-use super::{PlanError, validate};
+use super::{FollowError, Refusal, Verdict, WaitsFor, validate};
 use crate::geom::Point;
 use crate::time::{Deadline, Time};
 
@@ -48,96 +48,6 @@ type Edition = (RunId, Revision);
 
 fn edition_of(plan: &Plan) -> Edition {
     (plan.run, plan.revision)
-}
-
-/// Why a complete newer revision was not adopted; the vehicle rests until a newer one fits.
-#[derive(Clone, PartialEq, Debug, thiserror::Error)]
-pub enum Refusal {
-    /// The plans are not valid together.
-    #[error("the plans of revision {revision} are not valid: {error}")]
-    Invalid {
-        /// Which revision.
-        revision: Revision,
-        /// What is wrong.
-        error: PlanError,
-    },
-    /// The plan starts elsewhere.
-    #[error("revision {revision} starts {distance_m:.2} m from where this vehicle rests")]
-    Elsewhere {
-        /// Which revision.
-        revision: Revision,
-        /// How far away, metres.
-        distance_m: f64,
-    },
-    /// It has stops, and no empty revision was adopted since this vehicle's software started.
-    #[error("revision {revision} has stops, but this vehicle has restarted and adopts an empty one first")]
-    NotStopped {
-        /// Which revision.
-        revision: Revision,
-    },
-    /// This vehicle is not one of its members.
-    #[error("revision {revision} is without this vehicle")]
-    NotMember {
-        /// Which revision.
-        revision: Revision,
-    },
-}
-
-/// What became of an offered plan.
-#[derive(Clone, PartialEq, Debug)]
-pub enum Verdict {
-    /// Of a revision that is older than, or the same as, the one followed: ignored.
-    Old,
-    /// Kept; the revision is not complete, or this vehicle does not rest yet.
-    Kept,
-    /// The revision is followed from now on.
-    Adopted,
-    /// The revision is complete but does not fit.
-    Refused(Refusal),
-}
-
-/// A call that the state does not allow; nothing was changed.
-#[derive(Clone, Copy, PartialEq, Eq, Debug, thiserror::Error)]
-pub enum FollowError {
-    /// The leg is not the next one, or may not be entered now.
-    #[error("the leg to stop {0} may not be entered now")]
-    NotYet(StopId),
-    /// The stop is not the one whose leg is driven.
-    #[error("stop {0} is not the one being driven to")]
-    NotThere(StopId),
-}
-
-/// Why no leg may be entered now.
-#[derive(Clone, PartialEq, Debug)]
-pub enum WaitsFor {
-    /// No revision is followed yet.
-    Plans,
-    /// A newer revision is known; until it is adopted no leg is entered.
-    Revision {
-        /// Which one.
-        revision: Revision,
-        /// Why it was refused, if it was.
-        refusal: Option<Refusal>,
-    },
-    /// This vehicle has not been heard to follow the same revision.
-    Member {
-        /// Who.
-        vehicle: VehicleId,
-    },
-    /// This stop of another vehicle is not known to be done.
-    Stop {
-        /// Whose.
-        vehicle: VehicleId,
-        /// Which stop.
-        stop: StopId,
-    },
-    /// The dwell at this stop has not ended.
-    Dwell {
-        /// Where.
-        stop: StopId,
-    },
-    /// All stops are done (or their legs entered).
-    Nothing,
 }
 
 /// What is known of a peer, whatever it follows.
@@ -248,8 +158,11 @@ impl Follower {
         }
     }
 
-    /// Tells that the vehicle is held in the middle of a leg and stands at `at`, so that it may change
-    /// to a newer revision from there; true when it has changed, and the leg is given up.
+    /// Tells that the vehicle stands at `at`, held in the middle of a leg or brought there off plan, so
+    /// that it may change to a newer revision from there; true when it has changed, and the leg is given up.
+    ///
+    /// From now on also an offered plan may change the revision; [`Follower::resume`] must be called
+    /// before the vehicle moves again, and does nothing when the leg was given up meanwhile.
     pub fn hold(&mut self, at: Point) -> bool {
         self.rest = Some(at);
         self.try_adopting() == Verdict::Adopted

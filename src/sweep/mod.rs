@@ -18,13 +18,15 @@ mod rotating_gap;
 mod schedule;
 mod separation;
 mod succession;
+mod verdict;
 
 pub use error::{PlanError, SweepError};
 pub use fan::{FanRequest, fan};
-pub use follower::{FollowError, Follower, Refusal, Verdict, WaitsFor};
+pub use follower::Follower;
 pub use precedence::{order_legs, tracks_of, validate};
 pub use ring::{MAX_POSITIONS, MIN_POSITIONS, Ring, Side};
 pub use rotating_gap::{GapRequest, default_laps, gap_of_lap, rotating_gap};
 pub use schedule::{Lap, Schedule, Sweep, expected_duration_s, has_done};
 pub use separation::check_separation;
 pub use succession::{Phase, Succession};
+pub use verdict::{FollowError, Refusal, Verdict, WaitsFor};

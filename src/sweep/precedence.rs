@@ -51,27 +51,20 @@ pub fn order_legs(plans: &mut [Plan], sequence: &[VehicleId], separation_m: f64)
             return Err(wrong_count(plans, sequence, *vehicle));
         };
         let leg = driven[mover];
+        let track = &tracks[mover][leg];
         for other in (0..plans.len()).filter(|other| *other != mover) {
-            let track = &tracks[mover][leg];
-            let rest = rest_after(&plans[other], driven[other]);
-            let distance_m = track.distance_to_point(rest);
+            let distance_m = track.distance_to_point(rest_after(&plans[other], driven[other]));
             if distance_m < separation_m {
-                return Err(too_close(
-                    plans,
-                    (mover, leg + 1),
-                    (other, driven[other]),
-                    distance_m,
-                    separation_m,
-                ));
+                let at = (other, driven[other]);
+                return Err(too_close(plans, (mover, leg + 1), at, distance_m, separation_m));
             }
-            let earlier = &tracks[other][waited[mover][other]..driven[other]];
-            let Some(last) = earlier.iter().rposition(|early| early.distance_to(track) < separation_m) else {
-                continue;
-            };
-            let last = last + waited[mover][other];
-            waited[mover][other] = last + 1;
-            let waits_for = (plans[other].vehicle, plans[other].stops[last].id);
-            plans[mover].stops[leg].after.push(waits_for);
+            let known = waited[mover][other];
+            let earlier = &tracks[other][known..driven[other]];
+            if let Some(last) = earlier.iter().rposition(|early| early.distance_to(track) < separation_m) {
+                waited[mover][other] = known + last + 1;
+                let waits_for = (plans[other].vehicle, plans[other].stops[known + last].id);
+                plans[mover].stops[leg].after.push(waits_for);
+            }
         }
         driven[mover] += 1;
     }

@@ -291,7 +291,9 @@ impl World {
         body.off_until = self.tick + 45;
         if self.fault == Fault::NoStopFirst {
             let stale = self.published.iter().take_while(|plan| plan.revision == self.published[0].revision);
-            stale.for_each(|plan| drop(body.follower.offer(plan)));
+            for plan in stale {
+                body.follower.offer(plan);
+            }
         }
     }
 

@@ -3,7 +3,7 @@
 //!
 //! A lap at gap g never crosses the area inside its caustic, so the gaps are varied from the full half
 //! ring downward and up again. Two vehicles on 76 positions use gaps of 38, 36, 33, 30, 26, 22, 35 and
-//! 28 steps, 25 minutes at 0.45 m/s around 20 m × 20 m. More vehicles start evenly spaced; in lap j the
+//! 28 steps: with approach and shifts 680 steps, 25 minutes at 0.48 m/s around 20 m × 20 m. More vehicles start evenly spaced; in lap j the
 //! k-th is k·s_j steps nearer to the rearmost, s = 0, 2, 5, 8, 12, 16, 3, 10 (the same numbers that
 //! give two vehicles their gaps), as far as they stay 4 steps apart. Since every lap then brings N − 1
 //! different gaps, fewer laps do: 8, 7, 7, 6, 5, 4, 4 for 2 to 8 vehicles ([`default_laps`]).
@@ -339,6 +339,7 @@ mod tests {
             let sweep = rotating_gap(&square(20.0, 76), &request(homes(count), 0..laps)).unwrap();
             let minutes = expected_duration_s(&sweep.plans, 0.45).unwrap() / 60.0;
             assert!((10.0..28.0).contains(&minutes), "{count} vehicles: {minutes}");
+            println!("{count} vehicles: {laps} laps, {minutes:.1} minutes");
             assert_eq!(sweep.schedule.laps.len(), laps);
         }
     }
@@ -368,6 +369,42 @@ mod tests {
         };
         assert_eq!(ends(&sweep, 0), ends(&whole, 5));
         assert_eq!(sweep.plans[0].vehicle, VehicleId(2));
+    }
+
+    #[test]
+    fn vehicles_that_stand_at_a_right_gap_begin_at_once() {
+        let ring = square(20.0, 76);
+        let placed = vec![(VehicleId(1), ring.position(50)), (VehicleId(2), ring.position(12))];
+        let sweep = rotating_gap(&ring, &request(placed, 0..2)).unwrap();
+        for plan in &sweep.plans {
+            assert_eq!(plan.stops.first().map(|stop| stop.id), Some(StopId(152)));
+        }
+        let beside = vec![(VehicleId(1), Point::new(-1.0, 10.0)), (VehicleId(2), Point::new(20.5, 9.0))];
+        let sweep = rotating_gap(&ring, &request(beside, 0..2)).unwrap();
+        assert!(sweep.plans.iter().all(|plan| plan.stops.iter().take_while(|s| s.id.0 < 152).count() <= 3));
+    }
+
+    #[test]
+    fn laps_are_done_when_all_have_ended_them() {
+        let sweep = rotating_gap(&square(20.0, 76), &request(homes(2), 0..3)).unwrap();
+        let report = |plan: &Plan, done: u32| tomoswarm_proto::Progress {
+            vehicle: plan.vehicle,
+            run: plan.run,
+            revision: plan.revision,
+            done: Some(StopId(done)),
+            leg: None,
+        };
+        let laps = |one: u32, other: u32| {
+            let progress = [report(&sweep.plans[0], one), report(&sweep.plans[1], other)];
+            sweep.schedule.laps_done(&sweep.plans, &progress)
+        };
+        assert_eq!(
+            [laps(226, 227), laps(227, 227), laps(304, 227), laps(379, 380 + 76), laps(531, 531)],
+            [0, 1, 1, 2, 3]
+        );
+        let mut stale = report(&sweep.plans[0], 531);
+        stale.revision = Revision(0);
+        assert_eq!(sweep.schedule.laps_done(&sweep.plans, &[stale, report(&sweep.plans[1], 531)]), 0);
     }
 
     #[test]

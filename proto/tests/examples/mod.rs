@@ -1,0 +1,125 @@
+//! One message of every kind with all fields set, in the order of the kinds.
+
+use tomoswarm_proto::*;
+
+fn position(x_m: f64, y_m: f64) -> Position {
+    Position { x_m, y_m }
+}
+
+fn pose() -> PoseReport {
+    PoseReport { at: position(1.5, -2.25), heading_rad: 0.75, sd_m: 0.05 }
+}
+
+fn layer() -> LayerId {
+    LayerId { vehicle: VehicleId(2), boot: Boot(70_000) }
+}
+
+fn address() -> TileAddress {
+    TileAddress { slice: -1, x: -300, y: 4 }
+}
+
+fn progress() -> Progress {
+    let (done, leg) = (Some(StopId(151)), Some(StopId(152)));
+    Progress { vehicle: VehicleId(2), run: RunId(9), revision: Revision(3), done, leg }
+}
+
+fn state() -> State {
+    State {
+        vehicle: VehicleId(2),
+        boot: Boot(5),
+        sequence: 1 << 40,
+        pose: pose(),
+        speed_mps: 0.45,
+        mode: Mode::Driving,
+        battery: 0.875,
+        leg: Some(LegReport { route: vec![position(0.0, 0.0), position(1.0, 0.0)] }),
+        accepted: (RunId(9), Revision(3)),
+        ordered: (Lease { number: 1, holder: u64::MAX }, Revision(4)),
+    }
+}
+
+fn plan() -> Plan {
+    let stop = Stop {
+        id: StopId(152),
+        at: position(10.0, 0.5),
+        route: vec![position(5.0, 0.25)],
+        dwell_ms: 2000,
+        dwell_limit_ms: 10_000,
+        partners: vec![VehicleId(1)],
+        after: vec![(VehicleId(1), StopId(160))],
+    };
+    Plan {
+        vehicle: VehicleId(2),
+        run: RunId(9),
+        revision: Revision(3),
+        members: vec![VehicleId(1), VehicleId(2)],
+        start: position(0.0, -1.0),
+        stops: vec![stop],
+    }
+}
+
+/// A batch with a sample heard and a missed one.
+pub fn samples(rssi_dbm: Option<i16>) -> Samples {
+    let sample = |sequence, rssi_dbm| Sample {
+        sequence,
+        heard_at_ns: 12_345_678_901,
+        transmitter: VehicleId(1),
+        transmitter_pose: pose(),
+        receiver_pose: pose(),
+        channel: 12,
+        power_dbm: -3,
+        rssi_dbm,
+    };
+    let samples = vec![sample(41, rssi_dbm), sample(42, None)];
+    Samples { vehicle: VehicleId(2), boot: Boot(5), run: RunId(9), samples }
+}
+
+fn beacon() -> Beacon {
+    Beacon {
+        sender: VehicleId(2),
+        boot: Boot(5),
+        sequence: 77,
+        pose: pose(),
+        channel: 12,
+        power_dbm: 18,
+        members: vec![VehicleId(1), VehicleId(3)],
+        progress: progress(),
+    }
+}
+
+fn order() -> Order {
+    Order {
+        vehicle: VehicleId(2),
+        lease: Lease { number: 1, holder: 99 },
+        run: RunId(9),
+        revision: Revision(4),
+        seen_state: 1000,
+        kind: OrderKind::Return,
+    }
+}
+
+/// Gives the examples with the names of their golden files.
+pub fn examples() -> Vec<(&'static str, Message)> {
+    let cells = (0..TILE_CELLS).map(|index| (index % 35) as i8 - 17).collect();
+    let watermark = HeardFrom { vehicle: VehicleId(2), boot: Boot(5), run: RunId(9), below: 42 };
+    let hello = Hello {
+        vehicle: Some(VehicleId(2)),
+        boot: Boot(5),
+        venue_hash: 0x0123_4567_89ab_cdef,
+        software: "tomoswarm 0.1.0".to_owned(),
+    };
+    let digest = LayerDigest { layer: layer(), tiles: 12, hash: 0xfedc_ba98_7654_3210 };
+    vec![
+        ("hello", Message::Hello(hello)),
+        ("state", Message::State(state())),
+        ("tile", Message::Tile(TileReport { layer: layer(), address: address(), revision: 6, cells })),
+        ("digest", Message::Digest(Digest { layers: vec![digest] })),
+        ("want", Message::Want(Want { layer: layer(), known: vec![(address(), 6)] })),
+        ("plan", Message::Plan(plan())),
+        ("progress", Message::Progress(progress())),
+        ("order", Message::Order(order())),
+        ("samples", Message::Samples(samples(Some(-71)))),
+        ("have", Message::Have(Have { store: 1 << 63, watermarks: vec![watermark] })),
+        ("beacon", Message::Beacon(beacon())),
+    ]
+}
