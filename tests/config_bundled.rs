@@ -1,6 +1,6 @@
 //! The bundled example is what the documentation says it is.
 
-use tomoswarm::config::{self, Config, End, Gaps, Planner, bundled};
+use tomoswarm::config::{self, Config, End, Planner, bundled};
 use tomoswarm::geom::{Point, Rect};
 
 fn courtyard(vehicles: Option<usize>) -> config::Sim {
@@ -15,7 +15,7 @@ fn the_bundled_courtyard_has_the_constants_of_the_phantoms() {
     assert!(sim.empty_sweep);
     assert_eq!(sim.end, End::Return);
     assert_eq!((sim.sweep.planner, sim.sweep.positions), (Planner::RotatingGap, 76));
-    assert_eq!(sim.sweep.gaps, Gaps::Planner);
+    assert_eq!(sim.sweep.laps, None);
     assert_eq!(sim.venue.area, Rect::new(Point::new(0.0, 0.0), Point::new(20.0, 20.0)));
     assert_eq!((sim.radio.rician_k, sim.radio.packet_sd_db), (8.0, 2.0));
     assert_eq!((sim.radio.p0_dbm, sim.radio.exponent, sim.radio.sensitivity_dbm), (-40.0, 2.0, -100.0));
@@ -37,14 +37,14 @@ fn the_courtyard_has_room_for_two_to_eight_vehicles() {
 }
 
 #[test]
-fn a_ninth_vehicle_has_no_home() {
+fn a_number_from_the_command_line_is_checked_like_one_in_the_file() {
     let text = bundled::load(bundled::COURTYARD).unwrap();
     let problems =
         config::read_sim(bundled::COURTYARD, &text, Some(9), &mut |path| bundled::load(path)).unwrap_err();
     assert_eq!(
         problems.to_string(),
-        "configs/courtyard.sim.toml:12: vehicles.count = 9 (asked for): the venue has 8 homes for 9 vehicles; \
-         at most one vehicle per home is allowed"
+        "configs/courtyard.sim.toml:12: vehicles.count = 9 (asked for): is out of range; \
+         a whole number from 2 to 8 is allowed"
     );
 }
 

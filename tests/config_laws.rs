@@ -88,7 +88,8 @@ sides = [[\"ground\", 1], [2]]
     assert!(cuts(10.0, Sender::Ground, vehicle(2)) && cuts(20.4, vehicle(2), vehicle(1)));
     assert!(!cuts(9.9, Sender::Ground, vehicle(2)) && !cuts(20.5, Sender::Ground, vehicle(2)));
     assert!(!cuts(15.0, Sender::Ground, vehicle(1)));
-    assert!(!cuts(15.0, vehicle(3), vehicle(2)), "a node on no side hears everybody");
+    assert!(cuts(15.0, vehicle(3), vehicle(2)), "nodes on no side are a side of their own");
+    assert!(!cuts(15.0, vehicle(3), vehicle(3)));
 }
 
 proptest! {

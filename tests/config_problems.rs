@@ -347,16 +347,21 @@ fn values_that_do_not_fit_together_are_refused() {
         &["configs/a.toml:5: range.sure_range_m = 5: is beyond max_range_m; at most max_range_m is allowed"],
     );
     check_sim(
-        "[sweep]\ngaps_steps = [38, 3]\n",
+        "[range]\nsettle_s = 0.2\n[sweep]\ndwell_s = 60\n",
         &[
-            "configs/a.toml:5: sweep.gaps_steps = [38, 3]: holds a gap that cannot be driven; gaps from 4 to 38 steps are allowed",
+            "configs/a.toml:5: range.settle_s = 0.2: leaves no time for a reading; less than scan_period_s is allowed",
+            "configs/a.toml:6: sweep.dwell_limit_s = 30 (the default): is shorter than dwell_s; at least dwell_s is allowed",
         ],
     );
     check_sim(
-        "[vehicles]\ncount = 3\n[sweep]\ngaps_steps = [38]\n",
+        "[vehicles]\nradius_m = 0.5\n",
         &[
-            "configs/a.toml:7: sweep.gaps_steps = [38]: has a meaning only for two vehicles at a rotating gap; leave it out, or sweep with two vehicles and planner = \"rotating-gap\"",
+            "configs/a.toml:1: safety.separation_m = 1 (the default): lets two vehicles touch: it is measured from middle to middle; more than two vehicles.radius_m is allowed",
         ],
+    );
+    check_sim(
+        "[vehicles]\ncount = 1\n",
+        &["configs/a.toml:5: vehicles.count = 1: is out of range; a whole number from 2 to 8 is allowed"],
     );
     check_sim(
         "[vehicles]\ncount = 8\n[sweep]\npositions = 20\n",
@@ -376,7 +381,7 @@ fn values_that_do_not_fit_together_are_refused() {
         "[[bus.partition]]\nfrom_s = 5\nuntil_s = 2\nsides = [[\"ground\"], [9]]\n",
         &[
             "configs/a.toml:6: bus.partition[0].until_s = 2: is not after from_s; a partition must last some time",
-            "configs/a.toml:7: bus.partition[0].sides = [[\"ground\"], [9]]: is no such list; at least two lists of nodes are needed, such as [[\"ground\"], [1, 2]]; vehicles are 1 to 2",
+            "configs/a.toml:7: bus.partition[0].sides = [[\"ground\"], [9]]: is no such list; lists of nodes are needed, such as [[\"ground\"], [1, 2]]; vehicles are 1 to 2",
         ],
     );
     check_sim(
@@ -384,6 +389,17 @@ fn values_that_do_not_fit_together_are_refused() {
         &[
             "configs/a.toml:7: bus.partition[0].sides = [[\"ground\", 1], [1, 2]]: names a node twice; a node is on one side",
         ],
+    );
+}
+
+#[test]
+fn every_vehicle_needs_a_home() {
+    let mut loader = |path: &str| Ok(if path == "v.toml" { VENUE } else { "kind = \"scene\"\n" }.to_owned());
+    let text = "kind = \"sim\"\nvenue = \"v.toml\"\nscene = \"s.toml\"\nvehicles.count = 3\n";
+    let problems = config::read("a.toml", text, &mut loader).unwrap_err();
+    assert_eq!(
+        problems.to_string(),
+        "a.toml:4: vehicles.count = 3: the venue has 2 homes for 3 vehicles; at most one vehicle per home is allowed"
     );
 }
 

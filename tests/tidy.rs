@@ -363,7 +363,7 @@ fn every_source_file_is_tidy() {
     let is_for_tests = |path: &str| {
         let inside =
             |module: &String| path.strip_prefix(module).is_some_and(|rest| rest.starts_with(['.', '/']));
-        for_tests.iter().any(|module| inside(module))
+        for_tests.iter().any(inside)
     };
     let found: Vec<String> =
         texts.iter().flat_map(|(path, text)| complaints(path, text, is_for_tests(path))).collect();

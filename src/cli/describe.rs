@@ -3,7 +3,7 @@
 
 use std::fmt::Write;
 
-use crate::config::{Config, Gaps, Planner, RandomPersons, SceneFile, Sim, Venue};
+use crate::config::{Config, Planner, RandomPersons, SceneFile, Sim, Venue};
 use crate::geom::Point;
 
 /// Describes a configuration; ends in a line break.
@@ -154,7 +154,15 @@ fn fleet_lines(sim: &Sim) -> Vec<Line> {
                 range.height_m
             ),
         ),
-        ("beams", format!("{}, one every {:?}", beams.join(" "), range.scan_period)),
+        (
+            "beams",
+            format!(
+                "{}, one every {:?} of which {:?} to settle",
+                beams.join(" "),
+                range.scan_period,
+                range.settle
+            ),
+        ),
         (
             "safety",
             format!(
@@ -190,10 +198,11 @@ fn field_lines(sim: &Sim) -> Vec<Line> {
         (
             "bus",
             format!(
-                "delay {:?} + up to {:?}, {} % lost, {} partitions",
+                "delay {:?} + up to {:?}, {} % lost, {} % doubled, {} partitions",
                 bus.delay,
                 bus.jitter,
                 bus.drop_share * 100.0,
+                bus.duplicate_share * 100.0,
                 bus.partitions.len()
             ),
         ),
@@ -206,14 +215,16 @@ fn task_lines(sim: &Sim) -> Vec<Line> {
         Planner::RotatingGap => "rotating gap",
         Planner::Fan => "fan",
     };
-    let gaps = match &sweep.gaps {
-        Gaps::Planner => "the planner's gaps".to_owned(),
-        Gaps::Steps(steps) => format!("gaps {steps:?}"),
-    };
     let laps = sweep.laps.map_or("the planner's laps".to_owned(), |laps| format!("{laps} laps"));
     let first = if sim.empty_sweep { ", an empty sweep first" } else { "" };
     vec![
-        ("sweep", format!("{planner} over {} positions, {laps}, {gaps}{first}", sweep.positions)),
+        (
+            "sweep",
+            format!(
+                "{planner} over {} positions, {laps}, dwell {:?} to {:?}{first}",
+                sweep.positions, sweep.dwell, sweep.dwell_limit
+            ),
+        ),
         (
             "image",
             format!(
@@ -239,8 +250,8 @@ fn task_lines(sim: &Sim) -> Vec<Line> {
         (
             "peaks",
             format!(
-                "up to {}, {} m from the rim; links from {} m",
-                imaging.peaks, imaging.rim_m, imaging.min_link_m
+                "up to {}, {} m from the rim, {} m apart; links from {} m",
+                imaging.peaks, imaging.rim_m, imaging.peak_separation_m, imaging.min_link_m
             ),
         ),
         (

@@ -13,15 +13,6 @@ pub enum Planner {
     Fan,
 }
 
-/// The gaps of the rotating-gap planner, in steps of the ring.
-#[derive(Clone, PartialEq, Eq, Debug)]
-pub enum Gaps {
-    /// As the planner knows them for the number of vehicles.
-    Planner,
-    /// One gap a lap between the first and the second vehicle.
-    Steps(Vec<u32>),
-}
-
 /// How a sweep is driven.
 #[derive(Clone, PartialEq, Debug)]
 pub struct Sweep {
@@ -29,10 +20,12 @@ pub struct Sweep {
     pub planner: Planner,
     /// Positions on the border of the area.
     pub positions: usize,
-    /// Laps of a sweep; `None`: as many as the planner needs.
+    /// Laps (rotating gap) or rounds (fan) of a sweep; `None`: as many as the planner needs.
     pub laps: Option<usize>,
-    /// The gaps.
-    pub gaps: Gaps,
+    /// How long a vehicle stays at a stop; the fan stops, the rotating gap measures while driving.
+    pub dwell: Duration,
+    /// How long it stays at most while it waits for a partner.
+    pub dwell_limit: Duration,
 }
 
 impl Sweep {
@@ -41,29 +34,13 @@ impl Sweep {
         let sweep = Sweep {
             planner: section.choice("planner", Planner::RotatingGap, &names),
             positions: section.whole("positions", 76, 8..=2000),
-            laps: section.has("laps").then(|| section.whole("laps", 8, 1..=1000)),
-            gaps: read_gaps(section),
+            laps: section.has("laps").then(|| section.whole("laps", 8, 1..=64)),
+            dwell: section.duration("dwell_s", 1.0, 0.0..=600.0),
+            dwell_limit: section.duration("dwell_limit_s", 30.0, 0.0..=3600.0),
         };
         section.finish();
         check_sweep(section, &sweep, vehicles);
         sweep
-    }
-}
-
-fn read_gaps(section: &Section) -> Gaps {
-    if !section.has("gaps_steps") {
-        return Gaps::Planner;
-    }
-    let steps = section.list("gaps_steps").and_then(|list| {
-        let step = |number: usize| u32::try_from(number).ok().filter(|step| *step <= 2000);
-        list.iter().map(|entry| whole_of(entry.get_ref()).and_then(step)).collect::<Option<Vec<u32>>>()
-    });
-    match steps.filter(|steps| !steps.is_empty() && steps.len() <= 1000) {
-        Some(steps) => Gaps::Steps(steps),
-        None => {
-            section.refuse("gaps_steps", "is no such list", "a list of whole numbers, one a lap, is allowed");
-            Gaps::Planner
-        }
     }
 }
 
@@ -75,15 +52,8 @@ fn check_sweep(section: &Section, sweep: &Sweep, vehicles: usize) {
         let wrong = format!("is too few for {vehicles} vehicles at least {SMALLEST_GAP} steps apart");
         section.refuse("positions", &wrong, "4 positions a vehicle are needed");
     }
-    let Gaps::Steps(steps) = &sweep.gaps else { return };
-    if sweep.planner == Planner::Fan || vehicles != 2 {
-        let allowed = "leave it out, or sweep with two vehicles and planner = \"rotating-gap\"";
-        section.refuse("gaps_steps", "has a meaning only for two vehicles at a rotating gap", allowed);
-    }
-    let largest = (sweep.positions / 2) as u32;
-    if steps.iter().any(|step| !(SMALLEST_GAP as u32..=largest).contains(step)) {
-        let allowed = format!("gaps from {SMALLEST_GAP} to {largest} steps are allowed");
-        section.refuse("gaps_steps", "holds a gap that cannot be driven", &allowed);
+    if sweep.dwell_limit < sweep.dwell {
+        section.refuse("dwell_limit_s", "is shorter than dwell_s", "at least dwell_s is allowed");
     }
 }
 
@@ -139,6 +109,8 @@ pub struct Imaging {
     pub min_link_m: f64,
     /// Width of the rim in which no peak is looked for, metres.
     pub rim_m: f64,
+    /// Smallest distance between two peaks, metres.
+    pub peak_separation_m: f64,
     /// The most objects that are reported.
     pub peaks: usize,
 }
@@ -159,21 +131,22 @@ impl Imaging {
                 &[("map", Solver::Map), ("tikhonov", Solver::Tikhonov)],
             ),
             bin_m: section.number("bin_m", 0.5, 0.05..=10.0),
-            prior: read_prior(&section.section("prior"), 0.5, 1.0),
-            structure_prior: read_prior(&section.section("structure_prior"), 3.0, 2.0),
+            prior: read_prior(&section.section("prior")),
+            structure_prior: read_prior(&section.section("structure_prior")),
             min_link_m: section.number("min_link_m", 3.0, 0.0..=100.0),
             rim_m: section.number("rim_m", 1.5, 0.0..=100.0),
-            peaks: section.whole("peaks", 10, 1..=1000),
+            peak_separation_m: section.number("peak_separation_m", 3.0, 0.0..=100.0),
+            peaks: section.whole("peaks", 5, 1..=1000),
         };
         section.finish();
         imaging
     }
 }
 
-fn read_prior(section: &Section, sigma_db_per_m: f64, correlation_length_m: f64) -> Prior {
+fn read_prior(section: &Section) -> Prior {
     let prior = Prior {
-        sigma_db_per_m: section.number("sigma_db_per_m", sigma_db_per_m, 0.001..=100.0),
-        correlation_length_m: section.number("correlation_length_m", correlation_length_m, 0.01..=100.0),
+        sigma_db_per_m: section.number("sigma_db_per_m", 0.55, 0.001..=100.0),
+        correlation_length_m: section.number("correlation_length_m", 1.0, 0.01..=100.0),
     };
     section.finish();
     prior

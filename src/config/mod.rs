@@ -26,7 +26,7 @@ mod venue;
 use section::Section;
 use source::Source;
 
-pub use mission::{Durations, End, Gaps, Imaging, Planner, Prior, Solver, Sweep, Weights};
+pub use mission::{Durations, End, Imaging, Planner, Prior, Solver, Sweep, Weights};
 pub use problem::{Problem, Problems};
 pub use radio::{Bus, Partition, Radio};
 pub use scene::{Material, Object, Outline, Person, RandomPersons, SceneFile, Up};

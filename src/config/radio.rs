@@ -69,7 +69,7 @@ pub struct Partition {
     pub from: Time,
     /// When it is over.
     pub until: Time,
-    /// The pieces; nodes in different ones do not hear each other, a node in none hears everybody.
+    /// The pieces; nodes in different ones do not hear each other. Nodes in none are one more piece.
     pub sides: Vec<Vec<Sender>>,
 }
 
@@ -77,8 +77,7 @@ impl Partition {
     /// Tells whether nothing goes between two nodes at a moment (from `from` on, before `until`).
     pub fn cuts(&self, now: Time, a: Sender, b: Sender) -> bool {
         let side_of = |node| self.sides.iter().position(|side| side.contains(&node));
-        let are_apart = matches!((side_of(a), side_of(b)), (Some(one), Some(other)) if one != other);
-        are_apart && self.from <= now && now < self.until
+        side_of(a) != side_of(b) && self.from <= now && now < self.until
     }
 }
 
@@ -91,6 +90,8 @@ pub struct Bus {
     pub jitter: Duration,
     /// Share of messages that are lost, 0 to 1.
     pub drop_share: f64,
+    /// Share of messages that come twice, 0 to 1.
+    pub duplicate_share: f64,
     /// Times during which the bus is cut.
     pub partitions: Vec<Partition>,
 }
@@ -101,6 +102,7 @@ impl Bus {
             delay: section.duration_ms("delay_ms", 20.0, 0.01..=60_000.0),
             jitter: section.duration_ms("jitter_ms", 10.0, 0.0..=60_000.0),
             drop_share: section.number("drop_share", 0.0, 0.0..=0.99),
+            duplicate_share: section.number("duplicate_share", 0.0, 0.0..=1.0),
             partitions: section
                 .sections("partition", 1000)
                 .iter()
@@ -125,9 +127,8 @@ fn read_partition(section: &Section, vehicles: usize) -> Partition {
 }
 
 fn read_sides(section: &Section, vehicles: usize) -> Vec<Vec<Sender>> {
-    let rule = format!(
-        "at least two lists of nodes are needed, such as [[\"ground\"], [1, 2]]; vehicles are 1 to {vehicles}"
-    );
+    let rule =
+        format!("lists of nodes are needed, such as [[\"ground\"], [1, 2]]; vehicles are 1 to {vehicles}");
     section.require("sides", &rule);
     if !section.has("sides") {
         return Vec::new();
@@ -139,7 +140,7 @@ fn read_sides(section: &Section, vehicles: usize) -> Vec<Vec<Sender>> {
         };
         list.iter().map(|entry| side(entry.get_ref())).collect()
     });
-    let Some(sides) = sides.filter(|sides| sides.len() >= 2 && sides.iter().all(|side| !side.is_empty()))
+    let Some(sides) = sides.filter(|sides| !sides.is_empty() && sides.iter().all(|side| !side.is_empty()))
     else {
         section.refuse("sides", "is no such list", &rule);
         return Vec::new();

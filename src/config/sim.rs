@@ -78,7 +78,7 @@ impl Sim {
         let seed = root.whole("seed", 1, 0..=i64::MAX as usize) as u64;
         root.finish();
         check_look_before_you_drive(root, &fleet, &range, &safety);
-        check_poses(root, &fleet, &safety);
+        check_margins(root, &fleet, &safety);
         let (venue, scene) = (venue?, scene?);
         let vehicles = fleet;
         let sim = Sim {
@@ -147,7 +147,12 @@ fn check_look_before_you_drive(root: &Section, fleet: &Vehicles, range: &RangeSe
     }
 }
 
-fn check_poses(root: &Section, fleet: &Vehicles, safety: &Safety) {
+fn check_margins(root: &Section, fleet: &Vehicles, safety: &Safety) {
+    let are_sound = root.source.is_sound(&["vehicles.radius_m", "safety.separation_m"]);
+    if are_sound && safety.separation_m <= 2.0 * fleet.radius_m {
+        let wrong = "lets two vehicles touch: it is measured from middle to middle";
+        root.source.refuse("safety.separation_m", wrong, "more than two vehicles.radius_m is allowed");
+    }
     let are_sound = root.source.is_sound(&["vehicles.pose_sd_m", "safety.pose_sd_max_m"]);
     if are_sound && fleet.pose_sd_m > safety.pose_sd_max_m {
         let wrong = "is above safety.pose_sd_max_m: nothing would ever be measured";
@@ -179,7 +184,7 @@ fn check_homes(root: &Section, sim: &Sim) {
         root.source.refuse("vehicles.count", &wrong, "at most one vehicle per home is allowed");
         return;
     }
-    let apart_m = 2.0 * sim.vehicles.radius_m + sim.safety.separation_m;
+    let apart_m = sim.safety.separation_m;
     let reach_m = sim.vehicles.radius_m + sim.safety.padding_m;
     for (index, home) in homes.iter().take(count).enumerate() {
         if !sim.venue.fence.contains_disc(*home, reach_m) {
@@ -189,7 +194,7 @@ fn check_homes(root: &Section, sim: &Sim) {
         let is_near = |other: &&Point| other.distance_to(*home) < apart_m;
         if homes.iter().take(index).any(|other| is_near(&other)) {
             let wrong = format!("home {} is nearer than {apart_m:.2} m to another", index + 1);
-            root.refuse("venue", &wrong, "homes must be two radii and separation_m apart");
+            root.refuse("venue", &wrong, "homes must be separation_m apart");
         }
     }
 }
@@ -208,7 +213,7 @@ fn check_ring(root: &Section, sim: &Sim) {
     }
     let around_m = 2.0 * (sim.venue.area.width_m() + sim.venue.area.height_m());
     let gap_m = around_m / sim.sweep.positions as f64 * SMALLEST_GAP as f64;
-    let apart_m = 2.0 * sim.vehicles.radius_m + sim.safety.separation_m;
+    let apart_m = sim.safety.separation_m;
     if sim.sweep.planner == Planner::RotatingGap && sim.vehicles.count > 1 && gap_m < apart_m {
         let wrong =
             format!("puts {SMALLEST_GAP} steps into {gap_m:.2} m, under the separation of {apart_m:.2} m");

@@ -7,8 +7,8 @@ use std::time::Duration;
 use super::section::Section;
 use crate::geom::Angle;
 
-/// How many vehicles a simulation may have.
-const VEHICLES: RangeInclusive<usize> = 1..=64;
+/// How many vehicles a simulation may have: as many as the planners can keep apart on one ring.
+const VEHICLES: RangeInclusive<usize> = 2..=8;
 
 /// The vehicles of a simulation, all alike; their ids are 1 to `count`.
 #[derive(Clone, PartialEq, Debug)]
@@ -82,6 +82,8 @@ pub struct RangeSensor {
     pub sure_range_m: f64,
     /// Time from one reading to the next (one beam each).
     pub scan_period: Duration,
+    /// Time that the servo needs to point, part of the period.
+    pub settle: Duration,
     /// Angle between beam and the surface's normal beyond which no echo returns, radians.
     pub incidence_limit_rad: f64,
     /// Standard deviation of a reading, metres.
@@ -99,6 +101,7 @@ impl RangeSensor {
             max_range_m: section.number("max_range_m", 4.0, 0.1..=200.0),
             sure_range_m: section.number("sure_range_m", 3.0, 0.1..=200.0),
             scan_period: section.duration("scan_period_s", 0.1, 0.001..=10.0),
+            settle: section.duration("settle_s", 0.03, 0.0..=10.0),
             incidence_limit_rad: section.number("incidence_limit_deg", 60.0, 5.0..=90.0).to_radians(),
             noise_sd_m: section.number("noise_sd_m", 0.01, 0.0..=1.0),
         };
@@ -107,6 +110,9 @@ impl RangeSensor {
         }
         if sensor.min_range_m >= sensor.sure_range_m {
             section.refuse("min_range_m", "leaves nothing to see", "less than sure_range_m is allowed");
+        }
+        if sensor.settle >= sensor.scan_period {
+            section.refuse("settle_s", "leaves no time for a reading", "less than scan_period_s is allowed");
         }
         section.finish();
         sensor
@@ -123,7 +129,7 @@ impl RangeSensor {
 pub struct Safety {
     /// Room around a vehicle's body that must be known free, metres.
     pub padding_m: f64,
-    /// Smallest distance between the bodies of two vehicles, edge to edge, metres.
+    /// Smallest distance between two vehicles, middle to middle, metres.
     pub separation_m: f64,
     /// Above this deviation of the place nothing is measured or mapped, metres.
     pub pose_sd_max_m: f64,
@@ -133,7 +139,7 @@ impl Safety {
     pub(super) fn read(section: &Section) -> Safety {
         let safety = Safety {
             padding_m: section.number("padding_m", 0.1, 0.0..=5.0),
-            separation_m: section.number("separation_m", 0.5, 0.0..=20.0),
+            separation_m: section.number("separation_m", 1.0, 0.1..=20.0),
             pose_sd_max_m: section.number("pose_sd_max_m", 0.5, 0.01..=10.0),
         };
         section.finish();
