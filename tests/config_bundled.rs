@@ -24,7 +24,10 @@ fn the_bundled_courtyard_has_the_constants_of_the_phantoms() {
     assert_eq!((persons.count, persons.radius_m, persons.db_per_m), (2, 0.3, 10.0));
     assert_eq!((persons.keep_from_border_m, persons.keep_from_objects_m, persons.apart_m), (2.0, 1.5, 3.0));
     assert!(sim.scene.materials.values().all(|material| material.db_per_m == 20.0));
-    assert_eq!(sim.scene.wrl.as_deref(), Some("configs/../scenes/courtyard.wrl"));
+    let shapes = bundled::load(&sim.scene.wrl.unwrap()).unwrap();
+    for name in sim.scene.materials.keys() {
+        assert!(shapes.contains(&format!("DEF {name} ")), "{name} is no shape of the scene");
+    }
 }
 
 #[test]

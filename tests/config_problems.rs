@@ -360,6 +360,10 @@ fn values_that_do_not_fit_together_are_refused() {
         ],
     );
     check_sim(
+        "[radio]\npower_dbm = 0.4\n",
+        &["configs/a.toml:5: radio.power_dbm = 0.4: is no whole number; beacons report whole dBm"],
+    );
+    check_sim(
         "[vehicles]\ncount = 1\n",
         &["configs/a.toml:5: vehicles.count = 1: is out of range; a whole number from 2 to 8 is allowed"],
     );

@@ -66,7 +66,6 @@ const NOT_EXACT: &[&str] = &[
     ".exp_m1()",
     ".ln()",
     ".ln_1p()",
-    ".log(",
     ".log2()",
     ".log10()",
     ".powf(",

@@ -25,6 +25,7 @@ pub fn load(path: &str) -> Result<String, String> {
         COURTYARD => include_str!("../../configs/courtyard.sim.toml"),
         "configs/courtyard.venue.toml" => include_str!("../../configs/courtyard.venue.toml"),
         "scenes/courtyard.scene.toml" => include_str!("../../scenes/courtyard.scene.toml"),
+        "scenes/courtyard.wrl" => include_str!("../../scenes/courtyard.wrl"),
         _ => return Err(format!("{path} is not bundled with the program")),
     };
     Ok(text.to_owned())

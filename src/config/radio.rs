@@ -52,6 +52,9 @@ impl Radio {
             channel: u8::try_from(channel).unwrap_or(u8::MAX),
             power_dbm: libm::round(power_dbm) as i8,
         };
+        if f64::from(radio.power_dbm) != power_dbm {
+            section.refuse("power_dbm", "is no whole number", "beacons report whole dBm");
+        }
         section.finish();
         radio
     }
