@@ -1,0 +1,391 @@
+//! All layers and their sum. Joining a report is commutative, associative and idempotent, so all nodes that
+//! have heard the same tiles, in whatever order and however often, hold the same map.
+//!
+//! Deliberately absent: forgetting. Layers of earlier boots stay, read-only.
+
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+use thiserror::Error;
+use tomoswarm_proto::{Digest, LayerId, TILE_CELLS, TileAddress, TileReport, Want};
+
+use super::tile::{MERGED_CLAMP, Occupancy, Tile, TileError, address_of, index_in_tile, origin_of};
+use super::window::{CellRect, Sums, View};
+use super::{Layer, OCCUPIED_FROM};
+use crate::geom::{Cell, Lattice};
+
+/// A map holds at most this many layers; more are refused.
+pub const MAX_LAYERS: usize = 1024;
+/// A map holds at most this many tiles over all layers; more are refused.
+pub const MAX_TILES: usize = 65_536;
+
+/// What a report did to the map.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub enum Joined {
+    /// Nothing: the same or a newer tile was known.
+    Known,
+    /// The tile was taken.
+    Newer {
+        /// Whether a merged cell became occupied by it.
+        newly_occupied: bool,
+    },
+}
+
+/// Why a report is refused.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Error)]
+pub enum Refused {
+    /// The tile itself is impossible.
+    #[error(transparent)]
+    Tile(#[from] TileError),
+    /// Somebody else reports a revision of the layer which only this node writes.
+    #[error("only this node writes its own layer")]
+    Own,
+    /// The map is full.
+    #[error("a map holds at most {MAX_LAYERS} layers and {MAX_TILES} tiles")]
+    Full,
+}
+
+/// The map of one node: all layers, and the sum over them.
+#[derive(Clone, PartialEq, Debug)]
+pub struct Merged {
+    lattice: Lattice,
+    own: Option<LayerId>,
+    layers: BTreeMap<LayerId, Layer>,
+    tiles: usize,
+    /// Unclamped sums over the layers; at most `MAX_LAYERS` × `LAYER_CLAMP`, so they fit.
+    sums: BTreeMap<TileAddress, Box<Sums>>,
+}
+
+impl Merged {
+    /// Makes an empty map; `own` is the layer that this node writes (`None`: it only listens).
+    pub fn new(lattice: Lattice, own: Option<LayerId>) -> Merged {
+        Merged { lattice, own, layers: BTreeMap::new(), tiles: 0, sums: BTreeMap::new() }
+    }
+
+    /// Gives the lattice of the cells.
+    pub fn lattice(&self) -> Lattice {
+        self.lattice
+    }
+
+    /// Gives the layer that this node writes.
+    pub fn own(&self) -> Option<LayerId> {
+        self.own
+    }
+
+    /// Gives a layer.
+    pub fn layer(&self, id: LayerId) -> Option<&Layer> {
+        self.layers.get(&id)
+    }
+
+    /// Gives all layers, ascending by id.
+    pub fn layers(&self) -> impl Iterator<Item = (LayerId, &Layer)> {
+        self.layers.iter().map(|(id, layer)| (*id, layer))
+    }
+
+    /// Gives a tile as it travels.
+    pub fn report(&self, layer: LayerId, address: TileAddress) -> Option<TileReport> {
+        self.layers.get(&layer)?.tile(address).map(|tile| tile.report(layer, address))
+    }
+
+    /// Takes a tile from elsewhere when it is newer than what is known.
+    ///
+    /// # Errors
+    /// [`Refused`] when the tile is impossible, of the own layer, or the map is full; nothing changes then.
+    pub fn join(&mut self, report: &TileReport) -> Result<Joined, Refused> {
+        if self.own == Some(report.layer) {
+            return Err(Refused::Own);
+        }
+        let tile = Tile::from_report(report)?;
+        let old = self.layers.get(&report.layer).and_then(|layer| layer.tile(report.address)).cloned();
+        if old.as_ref().is_some_and(|old| !tile.replaces(old)) {
+            return Ok(Joined::Known);
+        }
+        let new_layer = !self.layers.contains_key(&report.layer);
+        if (new_layer && self.layers.len() >= MAX_LAYERS) || (old.is_none() && self.tiles >= MAX_TILES) {
+            return Err(Refused::Full);
+        }
+        self.tiles += usize::from(old.is_none());
+        let newly_occupied = self.add_difference(report.address, old.as_deref(), &tile);
+        self.layers.entry(report.layer).or_default().put(report.address, Arc::new(tile));
+        Ok(Joined::Newer { newly_occupied })
+    }
+
+    fn add_difference(&mut self, address: TileAddress, old: Option<&Tile>, new: &Tile) -> bool {
+        let sums = self.sums.entry(address).or_insert_with(|| Box::new([0; TILE_CELLS]));
+        let mut newly_occupied = false;
+        for (index, sum) in sums.iter_mut().enumerate() {
+            let before = *sum;
+            *sum += i16::from(new.cells[index]) - old.map_or(0, |old| i16::from(old.cells[index]));
+            newly_occupied |= before < OCCUPIED_FROM && *sum >= OCCUPIED_FROM;
+        }
+        newly_occupied
+    }
+
+    /// Writes cells (index in tile, old value, new value) of a layer; tells whether one became occupied.
+    /// Does nothing when the map is full.
+    pub(super) fn write(&mut self, layer: LayerId, address: TileAddress, cells: &[(usize, i8, i8)]) -> bool {
+        let known = self.layers.get(&layer).is_some_and(|layer| layer.tile(address).is_some());
+        if !known && self.tiles >= MAX_TILES {
+            return false;
+        }
+        self.tiles += usize::from(!known);
+        let written = cells.iter().map(|(index, _, new)| (*index, *new));
+        self.layers.entry(layer).or_default().write(address, written);
+        let sums = self.sums.entry(address).or_insert_with(|| Box::new([0; TILE_CELLS]));
+        let mut newly_occupied = false;
+        for (index, old, new) in cells {
+            let before = sums[*index];
+            sums[*index] += i16::from(*new) - i16::from(*old);
+            newly_occupied |= before < OCCUPIED_FROM && sums[*index] >= OCCUPIED_FROM;
+        }
+        newly_occupied
+    }
+
+    /// Gives the sums of a tile over all layers.
+    pub(super) fn sums(&self, address: TileAddress) -> Option<&Sums> {
+        self.sums.get(&address).map(|sums| &**sums)
+    }
+
+    /// Gives the merged value of a cell, 0.1 log-odds within ± [`MERGED_CLAMP`]; 0 where nothing is known.
+    pub fn value(&self, slice: i16, cell: Cell) -> i16 {
+        let sums = address_of(slice, cell).and_then(|address| self.sums(address));
+        sums.map_or(0, |sums| sums[index_in_tile(cell)].clamp(-MERGED_CLAMP, MERGED_CLAMP))
+    }
+
+    /// Tells what is known of a cell. For many cells take a [`Merged::view`].
+    pub fn occupancy(&self, slice: i16, cell: Cell) -> Occupancy {
+        Occupancy::of_value(self.value(slice, cell))
+    }
+
+    /// Gives the smallest rectangle of whole tiles that holds all that is known at a slice.
+    pub fn extent(&self, slice: i16) -> Option<CellRect> {
+        let low = TileAddress { slice, x: i32::MIN, y: i32::MIN };
+        let high = TileAddress { slice, x: i32::MAX, y: i32::MAX };
+        let tiles = self.sums.range(low..=high).map(|(address, _)| {
+            let from = origin_of(*address);
+            CellRect { low: from, high: Cell::new(from.x + 31, from.y + 31) }
+        });
+        tiles.reduce(CellRect::join)
+    }
+
+    /// Borrows a rectangle for fast reading. Its cost is that of the tiles it touches, not of its cells.
+    pub fn view(&self, slice: i16, rect: CellRect) -> View<'_> {
+        let (columns, rows) = rect.tiles();
+        let first = (columns.start, rows.start);
+        let tiles = rows.flat_map(|y| columns.clone().map(move |x| TileAddress { slice, x, y }));
+        View {
+            lattice: self.lattice,
+            first,
+            columns: columns.len(),
+            tiles: tiles.map(|address| self.sums(address)).collect(),
+        }
+    }
+
+    /// Gives what this node holds of every layer.
+    pub fn digest(&self) -> Digest {
+        Digest { layers: self.layers.iter().map(|(id, layer)| layer.digest(*id)).collect() }
+    }
+
+    /// Gives what to ask for after hearing another node's digest: one entry for each layer that differs. Both
+    /// sides may ask; who holds nothing newer answers nothing.
+    pub fn want(&self, theirs: &Digest) -> Vec<Want> {
+        let differs = theirs.layers.iter().filter(|theirs| {
+            let ours = self.layers.get(&theirs.layer).map(|layer| layer.digest(theirs.layer));
+            self.own != Some(theirs.layer) && theirs.tiles > 0 && ours != Some(**theirs)
+        });
+        let want = |layer: LayerId| {
+            let tiles = self.layers.get(&layer).into_iter().flat_map(Layer::tiles);
+            Want { layer, known: tiles.map(|(address, tile)| (address, tile.revision)).collect() }
+        };
+        differs.map(|digest| want(digest.layer)).collect()
+    }
+
+    /// Gives the tiles newer than those known to who asks, ascending by address, at most `limit` of them.
+    /// Who asks again after receiving them is given the next ones.
+    pub fn answer(&self, want: &Want, limit: usize) -> Vec<TileReport> {
+        let known: BTreeMap<TileAddress, u32> = want.known.iter().copied().collect();
+        let newer = self.layers.get(&want.layer).into_iter().flat_map(Layer::tiles);
+        newer
+            .filter(|(address, tile)| known.get(address).is_none_or(|revision| tile.revision > *revision))
+            .take(limit)
+            .map(|(address, tile)| tile.report(want.layer, address))
+            .collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geom::Point;
+    use proptest::prelude::*;
+    use tomoswarm_proto::{Boot, VehicleId};
+
+    fn layer(vehicle: u8, boot: u32) -> LayerId {
+        LayerId { vehicle: VehicleId(vehicle), boot: Boot(boot) }
+    }
+
+    fn listener() -> Merged {
+        Merged::new(Lattice::new(0.2), None)
+    }
+
+    /// A report of few layers, places and revisions, so that they meet; cells all of one value, so that also
+    /// two different tiles of one revision meet.
+    fn any_report() -> impl Strategy<Value = TileReport> {
+        (0..3u8, 0..2u32, -1..1i32, 0..3u32, any::<i8>()).prop_map(|(vehicle, boot, x, revision, value)| {
+            TileReport {
+                layer: layer(vehicle, boot),
+                address: TileAddress { slice: 0, x, y: 0 },
+                revision,
+                cells: vec![value; TILE_CELLS],
+            }
+        })
+    }
+
+    fn joined<'a>(reports: impl Iterator<Item = &'a TileReport>) -> Merged {
+        let mut map = listener();
+        for report in reports {
+            map.join(report).unwrap();
+        }
+        map
+    }
+
+    proptest! {
+        #[test]
+        fn order_and_repetition_of_reports_do_not_matter(
+            reports in proptest::collection::vec(any_report(), 1..20), order in any::<prop::sample::Index>(),
+        ) {
+            let straight = joined(reports.iter());
+            let turn = order.index(reports.len());
+            let shuffled = reports[turn..].iter().rev().chain(&reports[..turn]).chain(&reports[turn..]);
+            prop_assert_eq!(&straight, &joined(shuffled));
+        }
+
+        #[test]
+        fn the_merged_cell_is_the_clamped_sum_of_the_newest(reports in proptest::collection::vec(any_report(), 1..20)) {
+            let map = joined(reports.iter());
+            for x in -1..1i32 {
+                let mut sum = 0;
+                for id in (0..3).flat_map(|vehicle| (0..2).map(move |boot| layer(vehicle, boot))) {
+                    let of_layer = reports.iter().filter(|r| r.layer == id && r.address.x == x);
+                    let values = of_layer.map(|r| (r.revision, r.cells[5].clamp(-17, 17)));
+                    sum += values.max().map_or(0, |(_, value)| i16::from(value));
+                }
+                prop_assert_eq!(map.value(0, Cell::new(x * 32 + 5, 0)), sum.clamp(-100, 100));
+            }
+        }
+
+        #[test]
+        fn nodes_agree_once_the_bus_is_quiet(
+            writes in proptest::collection::vec((0..3usize, -2..2i32, 0..TILE_CELLS, -17..=17i8, any::<bool>()), 1..60),
+        ) {
+            let mut nodes: Vec<Merged> =
+                (0..3).map(|node| Merged::new(Lattice::new(0.2), Some(layer(node, 1)))).collect();
+            for (node, x, index, value, lost) in writes {
+                let (own, address) = (layer(node as u8, 1), TileAddress { slice: 0, x, y: 0 });
+                let old = nodes[node].layer(own).and_then(|l| l.tile(address)).map_or(0, |tile| tile.cells[index]);
+                nodes[node].write(own, address, &[(index, old, value)]);
+                let report = nodes[node].report(own, address).unwrap();
+                if !lost {
+                    nodes[(node + 1) % 3].join(&report).unwrap();
+                }
+            }
+            let rounds = repair(&mut nodes);
+            prop_assert!(rounds < 20);
+            prop_assert_eq!(nodes[0].digest(), nodes[1].digest());
+            prop_assert_eq!(&nodes[0].sums, &nodes[1].sums);
+            prop_assert_eq!(&nodes[2].sums, &nodes[1].sums);
+            prop_assert_eq!(&nodes[2].layers, &nodes[1].layers);
+        }
+    }
+
+    /// Exchanges digests, wants and answers (two tiles at a time) until nobody sends a tile; gives the rounds.
+    fn repair(nodes: &mut [Merged]) -> usize {
+        for round in 0..100 {
+            let mut sent = 0;
+            for (hearer, speaker) in (0..3).flat_map(|a| (0..3).map(move |b| (a, b))).filter(|(a, b)| a != b)
+            {
+                let digest = nodes[speaker].digest();
+                for want in nodes[hearer].want(&digest) {
+                    for report in nodes[speaker].answer(&want, 2) {
+                        nodes[hearer].join(&report).unwrap();
+                        sent += 1;
+                    }
+                }
+            }
+            if sent == 0 {
+                return round;
+            }
+        }
+        100
+    }
+
+    #[test]
+    fn nobody_else_writes_the_own_layer_and_a_full_map_takes_no_more() {
+        let mut map = Merged::new(Lattice::new(0.2), Some(layer(1, 4)));
+        let mut report = TileReport {
+            layer: layer(1, 4),
+            address: TileAddress::default(),
+            revision: 1,
+            cells: vec![17; TILE_CELLS],
+        };
+        assert_eq!(map.join(&report), Err(Refused::Own));
+        for boot in 0..MAX_LAYERS as u32 {
+            report.layer = layer(2, boot);
+            assert!(map.join(&report).is_ok());
+        }
+        report.layer = layer(3, 0);
+        assert_eq!(map.join(&report), Err(Refused::Full));
+        assert_eq!(map.value(0, Cell::new(0, 0)), MERGED_CLAMP);
+    }
+
+    #[test]
+    fn an_earlier_boot_of_the_own_vehicle_stays_readable() {
+        let mut before = Merged::new(Lattice::new(0.2), Some(layer(1, 4)));
+        before.write(layer(1, 4), TileAddress::default(), &[(7, 0, 9)]);
+        let mut map = Merged::new(Lattice::new(0.2), Some(layer(1, 5)));
+        let report = before.report(layer(1, 4), TileAddress::default()).unwrap();
+        assert_eq!(map.join(&report), Ok(Joined::Newer { newly_occupied: true }));
+        assert_eq!(map.join(&report), Ok(Joined::Known));
+        assert_eq!(map.occupancy(0, Cell::new(7, 0)), Occupancy::Occupied);
+        assert_eq!(map.occupancy(1, Cell::new(7, 0)), Occupancy::Unknown);
+    }
+
+    #[test]
+    fn the_weight_of_one_vehicle_is_less_than_one_fresh_hit_by_two() {
+        let mut map = listener();
+        let mut report = TileReport {
+            layer: layer(1, 1),
+            address: TileAddress::default(),
+            revision: 1,
+            cells: vec![-128; TILE_CELLS],
+        };
+        map.join(&report).unwrap();
+        assert_eq!(map.occupancy(0, Cell::new(0, 0)), Occupancy::Free);
+        for vehicle in 2..4 {
+            (report.layer, report.cells) = (layer(vehicle, 1), vec![9; TILE_CELLS]);
+            map.join(&report).unwrap();
+        }
+        assert!(map.value(0, Cell::new(0, 0)) > 0);
+        assert_ne!(map.occupancy(0, Cell::new(0, 0)), Occupancy::Free);
+    }
+
+    #[test]
+    fn a_view_reads_as_the_map_does() {
+        let mut map = listener();
+        for (x, y, value) in [(-1, 0, 17), (0, 0, -9), (1, -1, 3)] {
+            let (address, cells) = (TileAddress { slice: 0, x, y }, vec![value; TILE_CELLS]);
+            map.join(&TileReport { layer: layer(1, 1), address, revision: 1, cells }).unwrap();
+        }
+        let rect =
+            CellRect::around(map.lattice(), &[Point::new(-2.0, -2.0), Point::new(3.0, 3.0)], 0.0).unwrap();
+        let view = map.view(0, rect);
+        for cell in (-80..80).flat_map(|x| (-80..80).map(move |y| Cell::new(x, y))) {
+            let inside = (-32..32).contains(&cell.x) && (-32..32).contains(&cell.y);
+            let expected = if inside { map.occupancy(0, cell) } else { Occupancy::Unknown };
+            assert_eq!(view.occupancy(cell), expected, "{cell:?}");
+        }
+        assert_eq!(view.occupancy(Cell::new(i32::MIN, i32::MAX)), Occupancy::Unknown);
+        assert_eq!(map.extent(0), Some(CellRect::new(Cell::new(-32, -32), Cell::new(63, 31))));
+        assert_eq!(map.extent(3), None);
+    }
+}
