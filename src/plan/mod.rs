@@ -1,1 +1,18 @@
 //! Routes on the map: A*, corridors, and what is released to be driven.
+//!
+//! Three questions, each with its file: where could one drive ([`Grid`] and its search), how much of that is
+//! known to be free right now ([`Corridor`], *look before you drive*), and how fast may one go so that the last
+//! look still leaves room to stop ([`Sight`]). Peers, plans and time are not known here.
+
+mod astar;
+mod corridor;
+mod grid;
+mod smooth;
+mod speed;
+mod swath;
+
+pub use astar::{Found, NoRoute, Rules, shortest_cells};
+pub use corridor::{Corridor, Release};
+pub use grid::{Grid, GridError, MAX_GRID_CELLS, swept_clearance_m};
+pub use smooth::{Route, shortest_route};
+pub use speed::{Sight, SpeedError, stopping_distance_m};

@@ -1,0 +1,260 @@
+//! The ground of a search: a rectangle of cells, each with the reasons why a vehicle's middle may not be there.
+//!
+//! Occupied cells are inflated once, when the grid is made; the search then reads one byte a cell. Peers, fences
+//! and the like are added by [`Grid::close_within`] and [`Grid::close_where`].
+
+use thiserror::Error;
+
+use super::swath::rows_within;
+use crate::geom::{Cell, Lattice, Point, Segment};
+use crate::map::{CellRect, Occupancy, View};
+
+/// A grid has at most this many cells (a search takes about 20 bytes for each).
+pub const MAX_GRID_CELLS: u64 = 16_000_000;
+
+/// The vehicle's disc may not touch it: occupied, or unknown where that is not allowed.
+const SOLID: u8 = 1;
+/// Too near to a solid cell.
+const NEAR: u8 = 2;
+/// Closed by the caller.
+const CLOSED: u8 = 4;
+
+/// Why a grid cannot be made.
+#[derive(Clone, Copy, PartialEq, Debug, Error)]
+pub enum GridError {
+    /// The rectangle is too large.
+    #[error("{cells} cells are too many to search, at most {MAX_GRID_CELLS} are allowed")]
+    TooLarge {
+        /// How many it would have.
+        cells: u64,
+    },
+    /// The clearance is not a distance.
+    #[error("a clearance is from 0 to 100 cells, not {clearance_m} m")]
+    Clearance {
+        /// What was given, metres.
+        clearance_m: f64,
+    },
+}
+
+/// Gives the clearance between cell middles which makes every straight step between neighbours sweep free with
+/// `half_width_m`: a step of length s between two places that far from an obstacle comes as near as
+/// √(clearance² − s²/4), and the longest step is a cell's diagonal.
+pub fn swept_clearance_m(half_width_m: f64, lattice: Lattice) -> f64 {
+    (half_width_m * half_width_m + lattice.cell_m() * lattice.cell_m() / 2.0).sqrt()
+}
+
+/// A rectangle of cells to search in.
+#[derive(Clone, Debug)]
+pub struct Grid {
+    lattice: Lattice,
+    area: CellRect,
+    width: usize,
+    height: usize,
+    /// Half-width of the strip that a smoothed route sweeps, metres.
+    half_width_m: f64,
+    /// Row-major, x fastest.
+    flags: Vec<u8>,
+}
+
+impl Grid {
+    /// Copies a rectangle of the map for a vehicle that sweeps `half_width_m` (radius + padding + pose
+    /// deviation). Without `unknown_allowed`, unknown cells are as solid as occupied ones, and routes are released
+    /// by a [`super::Corridor`] of that half-width as far as they go; with it (as the ground plans), they are never
+    /// blocked.
+    ///
+    /// # Errors
+    /// [`GridError`] when the rectangle is too large or the half-width impossible.
+    pub fn of_map(
+        view: &View<'_>,
+        area: CellRect,
+        half_width_m: f64,
+        unknown_allowed: bool,
+    ) -> Result<Grid, GridError> {
+        let lattice = view.lattice();
+        let clearance_m = swept_clearance_m(half_width_m, lattice);
+        let solid = |cell| match view.occupancy(cell) {
+            Occupancy::Free => false,
+            Occupancy::Unknown => !unknown_allowed,
+            Occupancy::Occupied => true,
+        };
+        let mut grid = Grid::of_cells(lattice, area, clearance_m, solid)?;
+        grid.half_width_m = half_width_m;
+        Ok(grid)
+    }
+
+    /// Makes a grid from single cells. A cell is too near when its middle lies nearer than `clearance_m` to the
+    /// middle of a solid one.
+    ///
+    /// # Errors
+    /// [`GridError`] when the rectangle is too large or the clearance impossible.
+    pub fn of_cells(
+        lattice: Lattice,
+        area: CellRect,
+        clearance_m: f64,
+        solid: impl Fn(Cell) -> bool,
+    ) -> Result<Grid, GridError> {
+        let cells = area.width_cells().saturating_mul(area.height_cells());
+        if cells > MAX_GRID_CELLS {
+            return Err(GridError::TooLarge { cells });
+        }
+        if !(0.0..=100.0).contains(&(clearance_m / lattice.cell_m())) {
+            return Err(GridError::Clearance { clearance_m });
+        }
+        let (width, height) = (area.width_cells() as usize, area.height_cells() as usize);
+        let mut flags = Vec::with_capacity(width * height);
+        for y in area.low.y..=area.high.y {
+            flags.extend((area.low.x..=area.high.x).map(|x| if solid(Cell::new(x, y)) { SOLID } else { 0 }));
+        }
+        let half_width_m = (square(clearance_m) - square(lattice.cell_m()) / 2.0).max(0.0).sqrt();
+        let mut grid = Grid { lattice, area, width, height, half_width_m, flags };
+        grid.inflate(clearance_m / lattice.cell_m());
+        Ok(grid)
+    }
+
+    /// Gives the lattice of the cells.
+    pub fn lattice(&self) -> Lattice {
+        self.lattice
+    }
+
+    /// Gives the searched rectangle.
+    pub fn area(&self) -> CellRect {
+        self.area
+    }
+
+    /// Closes all cells whose middle lies within `radius_m` of a segment, e.g. a peer's leg. Closed cells are not
+    /// inflated: the radius holds both vehicles.
+    pub fn close_within(&mut self, along: Segment, radius_m: f64) {
+        if !along.from.is_finite() || !along.to.is_finite() || !radius_m.is_finite() {
+            return;
+        }
+        for (y, columns) in rows_within(self.lattice, along, radius_m, self.rows()) {
+            for x in (*columns.start()).max(self.area.low.x)..=(*columns.end()).min(self.area.high.x) {
+                let cell = Cell::new(x, y);
+                if along.distance_to_point(self.lattice.centre(cell)) <= radius_m {
+                    self.close(cell);
+                }
+            }
+        }
+    }
+
+    /// Closes all cells whose middle the predicate names, e.g. what lies outside the fence.
+    pub fn close_where(&mut self, closed: impl Fn(Point) -> bool) {
+        for y in self.area.low.y..=self.area.high.y {
+            for x in self.area.low.x..=self.area.high.x {
+                let cell = Cell::new(x, y);
+                if closed(self.lattice.centre(cell)) {
+                    self.close(cell);
+                }
+            }
+        }
+    }
+
+    /// Tells whether a vehicle's middle may be in a cell; `false` outside the rectangle.
+    pub fn passable(&self, cell: Cell) -> bool {
+        self.index(cell).is_some_and(|index| self.open(index))
+    }
+
+    /// Tells whether a cell bars only by being too near to something: one may leave it.
+    pub(super) fn only_near(&self, index: usize) -> bool {
+        self.flags[index] == NEAR
+    }
+
+    /// Tells whether a vehicle may be in the cell of this index.
+    #[inline]
+    pub(super) fn open(&self, index: usize) -> bool {
+        self.flags[index] == 0
+    }
+
+    /// Tells whether the strip along a segment is clear: no solid middle nearer than the half-width, and no
+    /// closed cell under it.
+    pub(super) fn sweeps_clear(&self, along: Segment) -> bool {
+        let reach_m = self.half_width_m - 1e-9;
+        for (y, columns) in rows_within(self.lattice, along, self.half_width_m, self.rows()) {
+            for x in columns {
+                let cell = Cell::new(x, y);
+                let solid = self.index(cell).is_some_and(|index| self.flags[index] & SOLID != 0);
+                if solid && along.distance_to_point(self.lattice.centre(cell)) < reach_m {
+                    return false;
+                }
+            }
+        }
+        let mut under = self.lattice.cells_under(along);
+        under.all(|cell| self.index(cell).is_some_and(|index| self.flags[index] & (SOLID | CLOSED) == 0))
+    }
+
+    /// Gives the place of a cell in the flags; `None` outside.
+    #[inline]
+    pub(super) fn index(&self, cell: Cell) -> Option<usize> {
+        if !self.area.contains(cell) {
+            return None;
+        }
+        let (x, y) = ((cell.x - self.area.low.x) as usize, (cell.y - self.area.low.y) as usize);
+        Some(y * self.width + x)
+    }
+
+    /// Gives the cell at a place in the flags.
+    pub(super) fn cell(&self, index: usize) -> Cell {
+        Cell::new(
+            self.area.low.x + (index % self.width) as i32,
+            self.area.low.y + (index / self.width) as i32,
+        )
+    }
+
+    /// Gives columns and rows.
+    pub(super) fn size(&self) -> (usize, usize) {
+        (self.width, self.height)
+    }
+
+    fn rows(&self) -> std::ops::RangeInclusive<i32> {
+        self.area.low.y..=self.area.high.y
+    }
+
+    fn close(&mut self, cell: Cell) {
+        if let Some(index) = self.index(cell) {
+            self.flags[index] |= CLOSED;
+        }
+    }
+
+    /// Marks all cells nearer than `clearance_cells` to a solid one. Only the rims of obstacles are
+    /// stamped: what is near to their inside is inside or near to their rim.
+    fn inflate(&mut self, clearance_cells: f64) {
+        let reach = clearance_cells.ceil() as i32;
+        let near2 = square(clearance_cells) * (1.0 - 1e-12);
+        let half = |dy: i32| (0..=reach).rev().find(|dx| f64::from(dx * dx + dy * dy) < near2);
+        let rows: Vec<(i32, i32)> = (-reach..=reach).filter_map(|dy| half(dy).map(|dx| (dy, dx))).collect();
+        for index in 0..self.flags.len() {
+            if self.flags[index] & SOLID != 0 && self.on_rim(index) {
+                self.stamp(index, &rows);
+            }
+        }
+    }
+
+    fn on_rim(&self, index: usize) -> bool {
+        let (x, y) = (index % self.width, index / self.width);
+        let solid = |index: usize| self.flags[index] & SOLID != 0;
+        x == 0
+            || y == 0
+            || x + 1 == self.width
+            || y + 1 == self.height
+            || ![index - 1, index + 1, index - self.width, index + self.width].into_iter().all(solid)
+    }
+
+    fn stamp(&mut self, index: usize, rows: &[(i32, i32)]) {
+        let (x, y) = ((index % self.width) as i32, (index / self.width) as i32);
+        for (dy, dx) in rows {
+            let row = y + dy;
+            if row < 0 || row >= self.height as i32 {
+                continue;
+            }
+            let (low, high) = ((x - dx).max(0) as usize, (x + dx).min(self.width as i32 - 1) as usize);
+            let start = row as usize * self.width;
+            for flag in &mut self.flags[start + low..=start + high] {
+                *flag |= NEAR;
+            }
+        }
+    }
+}
+
+fn square(value: f64) -> f64 {
+    value * value
+}
