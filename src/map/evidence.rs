@@ -4,9 +4,9 @@
 //! - **Free** are cells of the cone nearer than the echo (by one cell and a margin) and wholly within
 //!   `sure_range_m`: farther away a wall seen at a grazing angle gives no echo. This holds with an echo too, since
 //!   the echo may come from something behind such a wall. A cell that has been hit is freed only by a cone that
-//!   holds all of it, so that a beam passing beside a wall's end does not wear it away.
-//! - **Hit** are cells on the arc at the echo's distance, more near the axis. Something on the arc answered, not
-//!   everything: cells that looked free are spared when others of the arc explain the echo better.
+//!   holds all of it, or by the inner half of a cone, so that a beam passing beside a wall's end does not wear it away.
+//! - **Hit** are cells on the arc at the echo's distance. Something on the arc answered, not everything: so the
+//!   more cells it has the less each is hit (walls are hit again from elsewhere, the rest is freed), and cells that looked free are spared when others of the arc explain the echo better.
 //! - Echoes from near a peer are not mapped. The place where the vehicle itself stands is free.
 //!
 //! Not here: glitch filtering (the sensor's business), the reflex stop (the vehicle's).
@@ -22,10 +22,12 @@ use crate::geom::{Angle, Cell, Lattice, Point, Segment, Vector};
 
 /// What a look that finds a cell empty adds, 0.1 log-odds.
 const FREE: i8 = -4;
-/// What an echo adds to cells of its arc near the axis, 0.1 log-odds.
+/// What an echo adds to a cell when few may have given it, 0.1 log-odds.
 const HIT: i8 = 9;
-/// What an echo adds to the other cells of its arc: alone not enough to make one occupied, 0.1 log-odds.
-const HIT_ASIDE: i8 = 5;
+/// What an echo adds to all cells of its arc together, and to each at least: one of them answered, not all.
+const ARC_HITS: i8 = 27;
+/// What an echo adds to each cell of a wide arc at least, 0.1 log-odds.
+const HIT_LEAST: i8 = 3;
 /// A cell that looked free is not hit when the likeliest of the arc stands above it by more, 0.1 log-odds.
 const EXPLAINED_BY: i16 = 3;
 /// Between echo and freed cells stay one cell and this much, metres: the spread of a range reading.
@@ -126,7 +128,7 @@ struct Judged<'a> {
 enum Said {
     Nothing,
     Free,
-    Hit(i8),
+    Hit,
 }
 
 impl Mapper {
@@ -189,8 +191,8 @@ impl Mapper {
                     self.marks.push(Mark { address, index, old, new });
                 }
             }
-            Said::Hit(weight) => {
-                let mark = Mark { address, index, old, new: (old + weight).min(LAYER_CLAMP) };
+            Said::Hit => {
+                let mark = Mark { address, index, old, new: old };
                 self.arc.push(ArcCell { mark, centre, merged: sums.map_or(0, |sums| sums[index]) });
             }
         }
@@ -206,8 +208,11 @@ impl Mapper {
         if peers.iter().any(near_peer) {
             return;
         }
-        let hit = self.arc.iter().filter(|cell| cell.merged >= likeliest.min(EXPLAINED_BY) - EXPLAINED_BY);
-        self.marks.extend(hit.map(|cell| cell.mark).filter(|mark| mark.new != mark.old));
+        let hit = || self.arc.iter().filter(|cell| cell.merged >= likeliest.min(EXPLAINED_BY) - EXPLAINED_BY);
+        let cells = i8::try_from(hit().count()).unwrap_or(i8::MAX);
+        let weight = (ARC_HITS / cells).clamp(HIT_LEAST, HIT);
+        let marks = hit().map(|cell| Mark { new: (cell.mark.old + weight).min(LAYER_CLAMP), ..cell.mark });
+        self.marks.extend(marks.filter(|mark| mark.new != mark.old));
     }
 
     fn write(&mut self, map: &mut Merged) -> Changes {
@@ -325,7 +330,7 @@ impl Cone {
     #[inline]
     fn says(&self, cell: Cell, to: Vector, old: i8) -> Said {
         if self.struck == Some(cell) {
-            return Said::Hit(HIT);
+            return Said::Hit;
         }
         let (ahead_m, aside_m) = (self.axis.dot(to), self.axis.cross(to).abs());
         if ahead_m <= 0.0 || (aside_m > ahead_m * self.tan && aside_m > self.half_cell_m) {
@@ -333,14 +338,14 @@ impl Cone {
         }
         let distance_m2 = to.dot(to);
         if (self.hit_m2.0..=self.hit_m2.1).contains(&distance_m2) {
-            let near_axis = aside_m <= ahead_m * self.tan_half || aside_m <= self.half_cell_m;
-            return Said::Hit(if near_axis { HIT } else { HIT_ASIDE });
+            return Said::Hit;
         }
         if !(self.free_m2.0..=self.free_m2.1).contains(&distance_m2) {
             return Said::Nothing;
         }
-        let holds_all = ahead_m * self.sin - aside_m * self.cos >= self.half_diagonal_m;
-        if old > 0 && !holds_all { Said::Nothing } else { Said::Free }
+        let holds_it = aside_m <= ahead_m * self.tan_half
+            || ahead_m * self.sin - aside_m * self.cos >= self.half_diagonal_m;
+        if old > 0 && !holds_it { Said::Nothing } else { Said::Free }
     }
 }
 
