@@ -288,7 +288,7 @@ impl Cone {
         let echo_m = scan.range_m.filter(|range_m| *range_m <= farthest_m);
         let clear_m = echo_m.map_or(farthest_m, |echo_m| echo_m - lattice.cell_m() - FREE_MARGIN_M);
         let half_diagonal_m = half_cell_m * std::f64::consts::SQRT_2;
-        let free_to_m = clear_m.min(scan.sure_range_m - half_diagonal_m);
+        let free_to_m = clear_m.min(scan.sure_range_m.min(farthest_m) - half_diagonal_m);
         let reach_m = echo_m.map_or(free_to_m, |echo_m| echo_m + half_cell_m).max(0.0);
         // Just under a quarter turn, so that the tangent stays finite.
         let half_width_rad = scan.half_width_rad.clamp(0.0, FRAC_PI_2 - 1e-6);
