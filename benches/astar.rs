@@ -19,7 +19,9 @@ fn main() {
     let grids: Vec<Grid> =
         (0..101).map(|seed| grid(|cell| mix(seed, cell) % 100 < 22 && cell.x + cell.y > 2)).collect();
     let mut times: Vec<f64> = grids.iter().map(|grid| search_ms(grid, &rules).0).collect();
-    println!("22 % blocked: median {:.2} ms", percentile(&mut times, 0.5));
+    let mut expanded: Vec<f64> = grids.iter().map(|grid| search_ms(grid, &rules).1 as f64).collect();
+    let cells = percentile(&mut expanded, 0.5);
+    println!("22 % blocked: median {:.2} ms, {cells} cells expanded", percentile(&mut times, 0.5));
     println!("              95 % under {:.2} ms", percentile(&mut times, 0.95));
     let mut times: Vec<f64> = grids.iter().map(|grid| route_ms(grid, &rules)).collect();
     println!("  with straightening: median {:.2} ms", percentile(&mut times, 0.5));
