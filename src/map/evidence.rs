@@ -1,12 +1,12 @@
 //! What one range reading says about cells: the inverse model of a sensor that sees a cone, written to the own
 //! layer.
 //!
-//! - **Free** are cells of the cone nearer than the echo (by one cell and a margin), and never beyond
-//!   `sure_range_m`: further away a wall seen at a grazing angle gives no echo. This holds with an echo too, since
+//! - **Free** are cells of the cone nearer than the echo (by one cell and a margin) and wholly within
+//!   `sure_range_m`: farther away a wall seen at a grazing angle gives no echo. This holds with an echo too, since
 //!   the echo may come from something behind such a wall. A cell that has been hit is freed only by a cone that
-//!   holds all of it, so that a beam passing beside a wall's end does not wear it away.
-//! - **Hit** are cells on the arc at the echo's distance, more near the axis. Something on the arc answered, not
-//!   everything: cells that looked free are spared when others of the arc explain the echo better.
+//!   holds all of it, or by the inner half of a cone, so that a beam passing beside a wall's end does not wear it away.
+//! - **Hit** are cells on the arc at the echo's distance. Something on the arc answered, not everything: so the
+//!   more cells it has the less each is hit (walls are hit again from elsewhere, the rest is freed), and cells that looked free are spared when others of the arc explain the echo better.
 //! - Echoes from near a peer are not mapped. The place where the vehicle itself stands is free.
 //!
 //! Not here: glitch filtering (the sensor's business), the reflex stop (the vehicle's).
@@ -22,10 +22,12 @@ use crate::geom::{Angle, Cell, Lattice, Point, Segment, Vector};
 
 /// What a look that finds a cell empty adds, 0.1 log-odds.
 const FREE: i8 = -4;
-/// What an echo adds to cells of its arc near the axis, 0.1 log-odds.
+/// What an echo adds to a cell when few may have given it, 0.1 log-odds.
 const HIT: i8 = 9;
-/// What an echo adds to the other cells of its arc: alone not enough to make one occupied, 0.1 log-odds.
-const HIT_ASIDE: i8 = 5;
+/// What an echo adds to all cells of its arc together, and to each at least: one of them answered, not all.
+const ARC_HITS: i8 = 27;
+/// What an echo adds to each cell of a wide arc at least, 0.1 log-odds.
+const HIT_LEAST: i8 = 3;
 /// A cell that looked free is not hit when the likeliest of the arc stands above it by more, 0.1 log-odds.
 const EXPLAINED_BY: i16 = 3;
 /// Between echo and freed cells stay one cell and this much, metres: the spread of a range reading.
@@ -47,7 +49,8 @@ pub struct ScanReading {
     /// An echo from farther away counts as none, metres.
     pub max_range_m: f64,
     /// Up to here everything gives an echo, at whatever angle it stands, metres. For walls not nearer than c to
-    /// the vehicle that answer up to the incidence angle i, this is c / cos i.
+    /// the vehicle that answer up to the incidence angle i, this is c / cos i. Cells are freed up to half of their
+    /// diagonal less.
     pub sure_range_m: f64,
     /// Nothing is seen nearer than this, metres.
     pub min_range_m: f64,
@@ -125,7 +128,7 @@ struct Judged<'a> {
 enum Said {
     Nothing,
     Free,
-    Hit(i8),
+    Hit,
 }
 
 impl Mapper {
@@ -147,6 +150,7 @@ impl Mapper {
         };
         self.marks.clear();
         self.arc.clear();
+        let body = body.within_reach(&cone);
         let area = cone.area(body);
         let (columns, rows) = area.tiles();
         for y in rows {
@@ -187,8 +191,8 @@ impl Mapper {
                     self.marks.push(Mark { address, index, old, new });
                 }
             }
-            Said::Hit(weight) => {
-                let mark = Mark { address, index, old, new: (old + weight).min(LAYER_CLAMP) };
+            Said::Hit => {
+                let mark = Mark { address, index, old, new: old };
                 self.arc.push(ArcCell { mark, centre, merged: sums.map_or(0, |sums| sums[index]) });
             }
         }
@@ -204,8 +208,11 @@ impl Mapper {
         if peers.iter().any(near_peer) {
             return;
         }
-        let hit = self.arc.iter().filter(|cell| cell.merged >= likeliest.min(EXPLAINED_BY) - EXPLAINED_BY);
-        self.marks.extend(hit.map(|cell| cell.mark).filter(|mark| mark.new != mark.old));
+        let hit = || self.arc.iter().filter(|cell| cell.merged >= likeliest.min(EXPLAINED_BY) - EXPLAINED_BY);
+        let cells = i8::try_from(hit().count()).unwrap_or(i8::MAX);
+        let weight = (ARC_HITS / cells).clamp(HIT_LEAST, HIT);
+        let marks = hit().map(|cell| Mark { new: (cell.mark.old + weight).min(LAYER_CLAMP), ..cell.mark });
+        self.marks.extend(marks.filter(|mark| mark.new != mark.old));
     }
 
     fn write(&mut self, map: &mut Merged) -> Changes {
@@ -223,6 +230,15 @@ impl Mapper {
             }
         }
         changes
+    }
+}
+
+impl Body {
+    /// Gives the body, or one of no size when it is impossibly large or far from the sensor.
+    fn within_reach(self, cone: &Cone) -> Body {
+        let reach_m = REACH_CELLS * cone.lattice.cell_m();
+        let near = self.at.distance_to(cone.origin) <= reach_m && (0.0..=reach_m).contains(&self.radius_m);
+        if near { self } else { Body { at: cone.origin, radius_m: 0.0 } }
     }
 }
 
@@ -271,7 +287,8 @@ impl Cone {
         let farthest_m = scan.max_range_m.min(REACH_CELLS * lattice.cell_m());
         let echo_m = scan.range_m.filter(|range_m| *range_m <= farthest_m);
         let clear_m = echo_m.map_or(farthest_m, |echo_m| echo_m - lattice.cell_m() - FREE_MARGIN_M);
-        let free_to_m = clear_m.min(scan.sure_range_m);
+        let half_diagonal_m = half_cell_m * std::f64::consts::SQRT_2;
+        let free_to_m = clear_m.min(scan.sure_range_m.min(farthest_m) - half_diagonal_m);
         let reach_m = echo_m.map_or(free_to_m, |echo_m| echo_m + half_cell_m).max(0.0);
         // Just under a quarter turn, so that the tangent stays finite.
         let half_width_rad = scan.half_width_rad.clamp(0.0, FRAC_PI_2 - 1e-6);
@@ -283,7 +300,7 @@ impl Cone {
             axis,
             struck: echo_m.map(|echo_m| lattice.cell_at(scan.origin + axis * echo_m)),
             half_cell_m,
-            half_diagonal_m: half_cell_m * std::f64::consts::SQRT_2,
+            half_diagonal_m,
             sin,
             cos,
             tan: sin / cos,
@@ -306,9 +323,6 @@ impl Cone {
         let around = |points: &[Point], margin_m: f64| CellRect::around(self.lattice, points, margin_m);
         let own = CellRect::new(self.lattice.cell_at(self.origin), self.lattice.cell_at(self.origin));
         let cone = around(&corners, self.half_cell_m).unwrap_or(own);
-        if !body.at.is_finite() || !(body.radius_m < REACH_CELLS * self.lattice.cell_m()) {
-            return cone;
-        }
         around(&[body.at], body.radius_m).map_or(cone, |disc| disc.join(cone))
     }
 
@@ -316,7 +330,7 @@ impl Cone {
     #[inline]
     fn says(&self, cell: Cell, to: Vector, old: i8) -> Said {
         if self.struck == Some(cell) {
-            return Said::Hit(HIT);
+            return Said::Hit;
         }
         let (ahead_m, aside_m) = (self.axis.dot(to), self.axis.cross(to).abs());
         if ahead_m <= 0.0 || (aside_m > ahead_m * self.tan && aside_m > self.half_cell_m) {
@@ -324,14 +338,14 @@ impl Cone {
         }
         let distance_m2 = to.dot(to);
         if (self.hit_m2.0..=self.hit_m2.1).contains(&distance_m2) {
-            let near_axis = aside_m <= ahead_m * self.tan_half || aside_m <= self.half_cell_m;
-            return Said::Hit(if near_axis { HIT } else { HIT_ASIDE });
+            return Said::Hit;
         }
         if !(self.free_m2.0..=self.free_m2.1).contains(&distance_m2) {
             return Said::Nothing;
         }
-        let holds_all = ahead_m * self.sin - aside_m * self.cos >= self.half_diagonal_m;
-        if old > 0 && !holds_all { Said::Nothing } else { Said::Free }
+        let holds_it = aside_m <= ahead_m * self.tan_half
+            || ahead_m * self.sin - aside_m * self.cos >= self.half_diagonal_m;
+        if old > 0 && !holds_it { Said::Nothing } else { Said::Free }
     }
 }
 

@@ -239,3 +239,6 @@ impl Escape {
         dx * dx + dy * dy <= self.reach_cells * self.reach_cells
     }
 }
+
+#[cfg(test)]
+mod tests;

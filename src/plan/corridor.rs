@@ -200,3 +200,121 @@ fn nearest_on(route: &[Point], point: Point) -> f64 {
     }
     at_m
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geom::Lattice;
+    use crate::map::{CellRect, Merged};
+    use proptest::prelude::*;
+    use tomoswarm_proto::{LayerId, TILE_CELLS, TileAddress, TileReport};
+
+    const CORRIDOR: Corridor = Corridor { half_width_m: 0.5, ahead_m: 4.0 };
+
+    /// A free map around the datum with some cells of other values.
+    fn map(others: &[(Point, i8)]) -> Merged {
+        let lattice = Lattice::new(0.2);
+        let mut map = Merged::new(lattice, None);
+        for (x, y) in (-2..2).flat_map(|x| (-2..2).map(move |y| (x, y))) {
+            let mut cells = vec![-17; TILE_CELLS];
+            for (at, value) in others {
+                let cell = lattice.cell_at(*at);
+                if (cell.x >> 5, cell.y >> 5) == (x, y) {
+                    cells[((cell.y & 31) * 32 + (cell.x & 31)) as usize] = *value;
+                }
+            }
+            let address = TileAddress { slice: 0, x, y };
+            map.join(&TileReport { layer: LayerId::default(), address, revision: 1, cells }).unwrap();
+        }
+        map
+    }
+
+    fn released(map: &Merged, route: &[(f64, f64)], from: (f64, f64)) -> Release {
+        let route: Vec<Point> = route.iter().map(|(x, y)| Point::new(*x, *y)).collect();
+        let view = map.view(0, CellRect::around(map.lattice(), &route, 1.0).unwrap());
+        CORRIDOR.released(&view, &route, Point::new(from.0, from.1))
+    }
+
+    #[test]
+    fn a_free_route_is_released_as_far_as_asked() {
+        let map = map(&[]);
+        let release = released(&map, &[(0.0, 0.0), (2.0, 0.0), (2.0, 3.0)], (0.5, 0.1));
+        assert!((release.here_m - 0.5).abs() < 1e-9 && (release.free_until_m - 4.5).abs() < 1e-9);
+        assert_eq!((release.blocked, release.unknown), (None, None));
+        let short = released(&map, &[(0.0, 0.0), (2.0, 0.0)], (0.5, 0.1));
+        assert!((short.ahead_m() - 1.5).abs() < 1e-9);
+    }
+
+    #[test]
+    fn the_first_cell_that_the_disc_touches_ends_the_release() {
+        let (occupied, unknown) = (Point::new(3.1, 0.3), Point::new(2.5, -0.1));
+        let release = released(&map(&[(occupied, 17), (unknown, 0)]), &[(0.1, 0.0), (6.0, 0.0)], (0.1, 0.0));
+        assert!(release.blocked.unwrap().distance_to(occupied) < 1e-9);
+        assert!((release.blocked_at_m.unwrap() - 2.6).abs() < 1e-6, "3-4-5 triangle: 0.4 before it");
+        assert!(release.unknown.unwrap().distance_to(unknown) < 1e-9);
+        let touch_m = 2.4 - (0.25f64 - 0.01).sqrt();
+        assert!((release.free_until_m - touch_m).abs() < 1e-6);
+    }
+
+    #[test]
+    fn what_lies_beside_or_behind_does_not_hold_the_vehicle() {
+        let beside = [(Point::new(2.1, 0.7), 17), (Point::new(0.1, -0.1), 17)];
+        let release = released(&map(&beside), &[(0.0, 0.1), (3.0, 0.1)], (1.0, 0.1));
+        assert!((release.free_until_m - 3.0).abs() < 1e-9, "{release:?}");
+    }
+
+    #[test]
+    fn who_stands_too_near_to_something_may_only_move_away() {
+        let map = map(&[(Point::new(0.1, 0.3), 17)]);
+        let away = released(&map, &[(0.1, 0.0), (0.1, -2.0)], (0.1, 0.0));
+        assert!((away.ahead_m() - 2.0).abs() < 1e-9);
+        let toward = released(&map, &[(0.1, 0.0), (0.1, 2.0)], (0.1, 0.0));
+        assert!(toward.ahead_m() < 1e-6 && toward.blocked.is_some());
+    }
+
+    #[test]
+    fn nothing_is_released_on_ground_that_nobody_has_seen_or_without_a_route() {
+        let empty = Merged::new(Lattice::new(0.2), None);
+        let release = released(&empty, &[(0.05, 0.05), (2.0, 0.0)], (0.05, 0.05));
+        assert!(release.ahead_m() < 0.05 && release.unknown.is_some());
+        let map = map(&[]);
+        let view = map.view(0, CellRect::new(Cell::new(0, 0), Cell::new(9, 9)));
+        for route in [vec![], vec![Point::new(f64::NAN, 0.0), Point::new(1.0, 1.0)]] {
+            assert_eq!(CORRIDOR.released(&view, &route, Point::new(0.0, 0.0)).ahead_m(), 0.0);
+        }
+    }
+
+    proptest! {
+        #[test]
+        fn the_released_part_sweeps_over_free_cells_only(
+            route in proptest::collection::vec((-3.0..3.0f64, -3.0..3.0f64), 2..6),
+            others in proptest::collection::vec((-4.0..4.0f64, -4.0..4.0f64, prop::sample::select(vec![0i8, 17])), 0..12),
+        ) {
+            let others: Vec<(Point, i8)> = others.into_iter().map(|(x, y, v)| (Point::new(x, y), v)).collect();
+            let map = map(&others);
+            let release = released(&map, &route, route[0]);
+            let (start, lattice) = (Point::new(route[0].0, route[0].1), map.lattice());
+            let bad: Vec<Point> = others.iter().map(|(at, _)| lattice.centre(lattice.cell_at(*at))).collect();
+            let (mut left_m, mut contact) = (release.free_until_m, false);
+            for pair in route.windows(2) {
+                let along = Segment::new(Point::new(pair[0].0, pair[0].1), Point::new(pair[1].0, pair[1].1));
+                let part_m = left_m.min(along.length_m());
+                for step in 0..=100 {
+                    let at = along.from.toward(along.to, part_m / along.length_m() * f64::from(step) / 100.0);
+                    for cell in &bad {
+                        let allowed_m = CORRIDOR.half_width_m.min(start.distance_to(*cell));
+                        prop_assert!(at.distance_to(*cell) >= allowed_m - 1e-6);
+                        contact |= at.distance_to(*cell) <= allowed_m + 0.02;
+                    }
+                }
+                left_m -= part_m;
+                if left_m <= 0.0 {
+                    break;
+                }
+            }
+            let whole_m: f64 = route.windows(2).map(|p| (p[0].0 - p[1].0).hypot(p[0].1 - p[1].1)).sum();
+            let complete = (release.free_until_m - whole_m.min(4.0)).abs() < 1e-6;
+            prop_assert!(complete || contact, "stopped without a reason: {release:?}");
+        }
+    }
+}

@@ -7,6 +7,8 @@
 mod astar;
 mod corridor;
 mod grid;
+#[cfg(test)]
+mod looking;
 mod smooth;
 mod speed;
 mod swath;

@@ -1,0 +1,70 @@
+//! Measures what a scan costs the map. Run: `cargo bench --bench map`.
+#![allow(clippy::disallowed_methods, reason = "a benchmark reads the clock")]
+
+use std::hint::black_box;
+use std::time::Instant;
+
+use tomoswarm::geom::{Angle, Lattice, Point, Segment};
+use tomoswarm::map::{Body, CellRect, Mapper, Merged, PeerBody, ScanReading};
+use tomoswarm::plan::Corridor;
+use tomoswarm_proto::{Boot, LayerId, VehicleId};
+
+const SCANS: usize = 60_000;
+
+fn main() {
+    let mut fresh_us: Vec<f64> = (0..5).map(|_| drive(|_, _| 0.0).0).collect();
+    println!("record, on the move:      {:.2} us a scan", median(&mut fresh_us));
+    let mut released_us: Vec<f64> = (0..5).map(|_| drive(release).1).collect();
+    println!("view and release of 4 m:  {:.2} us a question", median(&mut released_us));
+}
+
+/// Drives a 10 m ring past walls with a swinging beam; gives µs a scan and µs a question.
+fn drive(mut ask: impl FnMut(&Merged, f64) -> f64) -> (f64, f64) {
+    let own = LayerId { vehicle: VehicleId(1), boot: Boot(1) };
+    let mut map = Merged::new(Lattice::new(0.2), Some(own));
+    let mut mapper = Mapper::new(own, 0);
+    let peer = [Point::new(-4.0, -5.0), Point::new(4.0, -5.0)];
+    let (mut scan_us, mut asked) = (0.0, Vec::new());
+    for count in 0..SCANS {
+        let turn_rad = count as f64 / 1000.0;
+        let at = Point::new(5.0 * libm::cos(turn_rad), 5.0 * libm::sin(turn_rad));
+        let direction = Angle::from_radians(turn_rad + 1.57 + libm::sin(count as f64 * 0.7));
+        let range_m = (count % 3 == 0).then(|| 1.0 + (count % 17) as f64 / 10.0);
+        let scan = ScanReading {
+            origin: at,
+            direction,
+            half_width_rad: 0.262,
+            range_m,
+            max_range_m: 3.0,
+            sure_range_m: 3.0,
+            min_range_m: 0.1,
+        };
+        let peers = [PeerBody { leg: &peer, radius_m: 0.4 }];
+        let start = Instant::now();
+        black_box(mapper.record(&mut map, &scan, Body { at, radius_m: 0.25 }, &peers));
+        scan_us += start.elapsed().as_secs_f64() * 1e6;
+        if count % 20 == 0 {
+            asked.push(ask(&map, turn_rad));
+        }
+    }
+    (scan_us / SCANS as f64, median(&mut asked))
+}
+
+/// Asks how much of the next 4 m is released; gives µs.
+fn release(map: &Merged, turn_rad: f64) -> f64 {
+    let on_ring = |turn_rad: f64| Point::new(5.0 * libm::cos(turn_rad), 5.0 * libm::sin(turn_rad));
+    let route: Vec<Point> = (0..5).map(|step| on_ring(turn_rad + 0.2 * f64::from(step))).collect();
+    debug_assert!(Segment::new(route[0], route[4]).length_m() < 4.0);
+    let start = Instant::now();
+    for _ in 0..10 {
+        let Some(rect) = CellRect::around(map.lattice(), &route, 0.7) else { return 0.0 };
+        let view = map.view(0, rect);
+        black_box(Corridor { half_width_m: 0.5, ahead_m: 4.0 }.released(&view, &route, route[0]));
+    }
+    start.elapsed().as_secs_f64() * 1e5
+}
+
+fn median(values: &mut [f64]) -> f64 {
+    values.sort_by(f64::total_cmp);
+    values[values.len() / 2]
+}
