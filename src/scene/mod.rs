@@ -1,1 +1,28 @@
-//! The simulated world as data: VRML, shapes, ray casts, attenuation.
+//! The simulated world as data: VRML, shapes, ray casts, contact, attenuation of radio links.
+//!
+//! A scene stands still and is the same for everybody: vehicles, noise and fading belong to `sim`. Files are
+//! opened elsewhere; their text comes in.
+
+mod affine;
+mod attenuation;
+mod build;
+mod cast;
+mod contact;
+mod mesh;
+mod outline;
+mod primitive;
+mod vrml;
+mod vrml_geometry;
+mod vrml_parse;
+mod vrml_token;
+mod vrml_tree;
+
+#[cfg(test)]
+mod tests;
+
+pub use attenuation::Attenuation;
+pub use build::{Material, Object, Person, Scene, SceneError, SceneParts, Shape};
+pub use cast::Hit;
+pub use mesh::Mesh;
+pub use outline::Outline;
+pub use vrml::{Loader, MAX_BYTES, MAX_LEVELS, Up, VrmlError, VrmlScene, VrmlShape, read_vrml};

@@ -1,0 +1,286 @@
+//! A scene put together from shapes, materials and persons.
+//!
+//! Reads no configuration: names and figures come in as values.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use super::affine::{Xyz, add};
+use super::cast::Surface;
+use super::mesh::Mesh;
+use super::primitive::{self, Parts};
+use super::vrml::{VrmlShape, within_world};
+use crate::geom::{Point, Polygon, Rect};
+
+/// Corners of a person's outline.
+const PERSON_SIDES: usize = 16;
+/// Where persons stand, metres.
+const GROUND_M: f64 = 0.0;
+
+/// What something is made of, for radio.
+#[derive(Clone, Copy, PartialEq, Debug, Default)]
+pub struct Material {
+    /// Attenuation inside closed shapes, dB per metre.
+    pub db_per_m: f64,
+    /// Attenuation at each crossing of an open sheet, dB.
+    pub db_per_crossing: f64,
+}
+
+/// The form of something, local frame, metres.
+#[derive(Clone, PartialEq, Debug)]
+pub enum Shape {
+    /// An upright solid between two heights.
+    Prism {
+        /// Its outline: convex, counter-clockwise.
+        footprint: Polygon,
+        /// Its lower end.
+        low_m: f64,
+        /// Its upper end.
+        high_m: f64,
+    },
+    /// Any surface, closed or open.
+    Mesh(Mesh),
+}
+
+/// A person who stands on the ground (z = 0): an upright round post.
+#[derive(Clone, PartialEq, Debug)]
+pub struct Person {
+    /// What the person is called in pictures and tables.
+    pub name: String,
+    /// Where the person stands.
+    pub at: Point,
+    /// Radius, metres.
+    pub radius_m: f64,
+    /// Height, metres.
+    pub height_m: f64,
+    /// Attenuation inside, dB per metre.
+    pub db_per_m: f64,
+}
+
+/// One thing of a scene; a VRML shape whose surface falls apart gives several.
+#[derive(Clone, PartialEq, Debug)]
+pub struct Object {
+    /// The DEF name by which its material was found, or else its outermost one, or "shape N".
+    pub name: String,
+    /// Its form.
+    pub shape: Shape,
+    /// What it is made of.
+    pub material: Material,
+    /// Whether it has an inside; prisms do, and meshes without a rim.
+    pub closed: bool,
+}
+
+/// What a scene is built from.
+#[derive(Clone, Copy, Debug)]
+pub struct SceneParts<'a> {
+    /// The shapes of a VRML file.
+    pub shapes: &'a [VrmlShape],
+    /// By how much the shapes are moved, metres; persons are not.
+    pub offset_m: [f64; 3],
+    /// Materials by DEF name; of several names around a shape the innermost counts.
+    pub materials: &'a BTreeMap<String, Material>,
+    /// The material of shapes without one.
+    pub default_material: Material,
+    /// Who stands in the scene.
+    pub persons: &'a [Person],
+}
+
+/// Why no scene could be built.
+#[derive(Clone, PartialEq, Debug, thiserror::Error)]
+pub enum SceneError {
+    /// A material is given to a name that the scene does not have.
+    #[error("a material is given to `{name}`, but the scene has no shape inside such a DEF; it has: {known}")]
+    UnknownName {
+        /// The name.
+        name: String,
+        /// The names that there are.
+        known: String,
+    },
+    /// A figure is impossible.
+    #[error("{what} of `{name}` is {value}; expected {expected}")]
+    Impossible {
+        /// Which thing.
+        name: String,
+        /// Which figure.
+        what: &'static str,
+        /// The figure.
+        value: f64,
+        /// What is possible.
+        expected: &'static str,
+    },
+    /// Something lies too far out.
+    #[error("`{name}` reaches over 1000 km from the origin after the offset; expected metres")]
+    TooFar {
+        /// Which thing.
+        name: String,
+    },
+    /// The surfaces could not be sorted for ray casts.
+    #[error("the surfaces cannot be sorted for ray casts: {0}")]
+    Surface(String),
+}
+
+/// Everything that stands in the simulated world.
+#[derive(Clone)]
+pub struct Scene {
+    objects: Vec<Object>,
+    bounds: Vec<Bounds>,
+    pub(super) surface: Surface,
+}
+
+/// The upright box around an object.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub(super) struct Bounds {
+    pub(super) plan: Rect,
+    pub(super) low_m: f64,
+    pub(super) high_m: f64,
+}
+
+impl Scene {
+    /// Builds a scene. No shapes and no persons make an empty one, which is allowed.
+    ///
+    /// # Errors
+    /// A material for a name that the shapes do not have, an impossible figure, or a place out of the world.
+    pub fn build(parts: &SceneParts<'_>) -> Result<Scene, SceneError> {
+        check_names(parts)?;
+        for (name, material) in parts.materials {
+            check_material(name, *material)?;
+        }
+        check_material("default", parts.default_material)?;
+        let mut objects = Vec::new();
+        for (index, shape) in parts.shapes.iter().enumerate() {
+            place(shape, index, parts, &mut objects)?;
+        }
+        for person in parts.persons {
+            objects.push(stand(person)?);
+        }
+        let surface = Surface::over(&objects)?;
+        let bounds = objects.iter().map(|object| object.shape.bounds()).collect();
+        Ok(Scene { objects, bounds, surface })
+    }
+
+    /// Gives all objects: the shapes in file order, then the persons.
+    pub fn objects(&self) -> &[Object] {
+        &self.objects
+    }
+
+    /// Gives all objects with the boxes around them.
+    pub(super) fn bounded(&self) -> impl Iterator<Item = (&Object, &Bounds)> {
+        self.objects.iter().zip(&self.bounds)
+    }
+}
+
+impl Shape {
+    /// Gives the surface as triangles.
+    pub(super) fn surface(&self) -> Mesh {
+        match self {
+            Shape::Mesh(mesh) => mesh.clone(),
+            Shape::Prism { footprint, low_m, high_m } => {
+                let ring: Vec<Xyz> =
+                    footprint.corners().iter().map(|corner| [corner.x_m, corner.y_m, *low_m]).collect();
+                primitive::extruded(&ring, [0.0, 0.0, high_m - low_m], Parts::ALL).0
+            }
+        }
+    }
+
+    fn bounds(&self) -> Bounds {
+        let surface = self.surface();
+        let mut low = [f64::INFINITY; 3];
+        let mut high = [f64::NEG_INFINITY; 3];
+        for vertex in surface.vertices() {
+            for axis in 0..3 {
+                low[axis] = low[axis].min(vertex[axis]);
+                high[axis] = high[axis].max(vertex[axis]);
+            }
+        }
+        let plan = Rect { min: Point::new(low[0], low[1]), max: Point::new(high[0], high[1]) };
+        Bounds { plan, low_m: low[2], high_m: high[2] }
+    }
+
+    fn moved(&self, [x, y, z]: Xyz) -> Shape {
+        match self {
+            Shape::Mesh(mesh) => Shape::Mesh(mesh.map(|vertex| add(vertex, [x, y, z]))),
+            Shape::Prism { footprint, low_m, high_m } => {
+                let move_corner = |corner: &Point| Point::new(corner.x_m + x, corner.y_m + y);
+                let footprint = Polygon::new(footprint.corners().iter().map(move_corner).collect());
+                Shape::Prism { footprint, low_m: low_m + z, high_m: high_m + z }
+            }
+        }
+    }
+}
+
+/// Adds the objects that a VRML shape gives.
+fn place(
+    shape: &VrmlShape,
+    index: usize,
+    parts: &SceneParts<'_>,
+    objects: &mut Vec<Object>,
+) -> Result<(), SceneError> {
+    let found = shape.names.iter().rev().find_map(|name| parts.materials.get_key_value(&**name));
+    let name = match (found, shape.names.first()) {
+        (Some((name, _)), _) => name.clone(),
+        (None, Some(name)) => name.to_string(),
+        (None, None) => format!("shape {}", index + 1),
+    };
+    let material = found.map_or(parts.default_material, |(_, material)| *material);
+    let moved = shape.shape.moved(parts.offset_m);
+    if !moved.surface().vertices().iter().all(|vertex| within_world(*vertex)) {
+        return Err(SceneError::TooFar { name });
+    }
+    match moved {
+        Shape::Prism { .. } => objects.push(Object { name, shape: moved, material, closed: true }),
+        Shape::Mesh(mesh) => objects.extend(mesh.pieces().into_iter().map(|(piece, closed)| Object {
+            name: name.clone(),
+            shape: Shape::Mesh(piece),
+            material,
+            closed,
+        })),
+    }
+    Ok(())
+}
+
+fn stand(person: &Person) -> Result<Object, SceneError> {
+    let impossible = |what, value, expected| {
+        Err(SceneError::Impossible { name: person.name.clone(), what, value, expected })
+    };
+    for (what, value) in [("radius_m", person.radius_m), ("height_m", person.height_m)] {
+        if !(value > 0.0 && value <= 100.0) {
+            return impossible(what, value, "metres above 0, at most 100");
+        }
+    }
+    if !within_world([person.at.x_m, person.at.y_m, 0.0]) {
+        return Err(SceneError::TooFar { name: person.name.clone() });
+    }
+    let material = Material { db_per_m: person.db_per_m, db_per_crossing: 0.0 };
+    check_material(&person.name, material)?;
+    let outline = primitive::round_outline(person.radius_m, PERSON_SIDES);
+    let corners = outline.map(|(x, y)| Point::new(person.at.x_m + x, person.at.y_m + y)).collect();
+    let footprint = Polygon::new(corners);
+    let shape = Shape::Prism { footprint, low_m: GROUND_M, high_m: GROUND_M + person.height_m };
+    Ok(Object { name: person.name.clone(), shape, material, closed: true })
+}
+
+fn check_material(name: &str, material: Material) -> Result<(), SceneError> {
+    let figures = [("db_per_m", material.db_per_m), ("db_per_crossing", material.db_per_crossing)];
+    match figures.iter().find(|(_, value)| !(0.0..=1e4).contains(value)) {
+        Some((what, value)) => Err(SceneError::Impossible {
+            name: name.to_string(),
+            what,
+            value: *value,
+            expected: "dB from 0 to 10000",
+        }),
+        None => Ok(()),
+    }
+}
+
+fn check_names(parts: &SceneParts<'_>) -> Result<(), SceneError> {
+    let known: BTreeSet<&str> =
+        parts.shapes.iter().flat_map(|shape| shape.names.iter().map(|name| &**name)).collect();
+    let Some(name) = parts.materials.keys().find(|name| !known.contains(name.as_str())) else {
+        return Ok(());
+    };
+    let mut list: Vec<&str> = known.iter().copied().take(20).collect();
+    if list.len() < known.len() {
+        list.push("…");
+    }
+    let known = if list.is_empty() { "no DEF names".to_string() } else { list.join(", ") };
+    Err(SceneError::UnknownName { name: name.clone(), known })
+}

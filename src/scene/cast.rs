@@ -1,0 +1,81 @@
+//! Ray casts: what a beam meets first.
+//!
+//! A beam here has no width; the range sensor's cone is several of them. Surfaces are seen from both sides.
+
+use parry3d_f64::math::Vector;
+use parry3d_f64::query::Ray;
+use parry3d_f64::shape::{CompositeShapeRef, TriMesh};
+
+use super::affine::{Xyz, cross, dot, sub};
+use super::build::{Object, Scene, SceneError};
+
+/// Where a ray meets a surface.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub struct Hit {
+    /// From the ray's origin, metres.
+    pub distance_m: f64,
+    /// The surface's unit normal, on the side that the ray comes from.
+    pub normal: [f64; 3],
+    /// The object, by its place in [`Scene::objects`].
+    pub object: usize,
+}
+
+/// All triangles of a scene, sorted for ray casts.
+#[derive(Clone)]
+pub(super) struct Surface {
+    mesh: Option<TriMesh>,
+    faces: Vec<Face>,
+}
+
+/// What is known of a triangle.
+#[derive(Clone, Copy)]
+struct Face {
+    normal: Xyz,
+    object: u32,
+}
+
+impl Surface {
+    /// Sorts the surfaces of all objects.
+    pub(super) fn over(objects: &[Object]) -> Result<Surface, SceneError> {
+        let mut vertices = Vec::new();
+        let mut triangles = Vec::new();
+        let mut faces = Vec::new();
+        for (object, surface) in objects.iter().map(|object| object.shape.surface()).enumerate() {
+            let first = vertices.len() as u32;
+            vertices.extend(surface.vertices().iter().map(|[x, y, z]| Vector::new(*x, *y, *z)));
+            for (corners, triangle) in surface.corners().zip(surface.triangles()) {
+                let Some(normal) = unit_normal(corners) else { continue };
+                triangles.push(triangle.map(|index| index + first));
+                faces.push(Face { normal, object: object as u32 });
+            }
+        }
+        if triangles.is_empty() {
+            return Ok(Surface { mesh: None, faces });
+        }
+        let mesh =
+            TriMesh::new(vertices, triangles).map_err(|error| SceneError::Surface(error.to_string()))?;
+        Ok(Surface { mesh: Some(mesh), faces })
+    }
+}
+
+impl Scene {
+    /// Gives the nearest surface that a ray meets, from either side, within `max_m`.
+    ///
+    /// `direction` is a unit vector, local frame; z is up. `None` when nothing is met.
+    pub fn cast(&self, origin: [f64; 3], direction: [f64; 3], max_m: f64) -> Option<Hit> {
+        let mesh = self.surface.mesh.as_ref()?;
+        let ray = Ray::new(Vector::from_array(origin), Vector::from_array(direction));
+        let (triangle, distance_m) = CompositeShapeRef(mesh).cast_local_ray(&ray, max_m, false)?;
+        let face = self.surface.faces.get(triangle as usize)?;
+        let along = dot(face.normal, direction);
+        let normal = if along > 0.0 { face.normal.map(|part| -part) } else { face.normal };
+        Some(Hit { distance_m, normal, object: face.object as usize })
+    }
+}
+
+/// Gives a triangle's unit normal; `None` when it has no area.
+fn unit_normal([a, b, c]: [Xyz; 3]) -> Option<Xyz> {
+    let normal = cross(sub(b, a), sub(c, a));
+    let length = dot(normal, normal).sqrt();
+    (length > 0.0).then(|| normal.map(|part| part / length))
+}
