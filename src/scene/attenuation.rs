@@ -239,13 +239,13 @@ impl Line {
         let b = 2.0 * self.base_m * self.slope - wide * link.length_m;
         let c = self.base_m * self.base_m;
         let root = b * b - 4.0 * a * c;
-        if root <= 0.0 {
+        // With b ≥ 0 both ends lie before the link.
+        if b >= 0.0 || root <= 0.0 {
             return None;
         }
-        let root = root.sqrt();
-        // b < 0 whenever the interval lies in the link, so this form loses no digits.
-        let q = (root - b) / 2.0;
-        Some((c / q, q / a))
+        let q = (root.sqrt() - b) / 2.0;
+        let (near_m, far_m) = (c / q, q / a);
+        (near_m <= far_m).then_some((near_m, far_m))
     }
 }
 

@@ -238,3 +238,21 @@ fn an_open_sheet_counts_by_the_crossing() {
     // Through the very end of the sheet: half of the zone meets it.
     check(&attenuation, Point::new(0.0, 20.0), Point::new(20.0, 20.0), saturated(3.0), 1e-3);
 }
+
+#[test]
+fn odd_links_give_numbers() {
+    let scene = scene_of(courtyard(), 20.0, &[person(10.0, 10.0)]);
+    let attenuation = Attenuation::new(&scene, 0.5, WAVELENGTH_M);
+    let mut numbers = Sequence(6);
+    let places =
+        [0.0, 5.0, 5.3, 6.0, 6.3, 13.0, 1e-300, 1e-12, 6.3 + 1e-15, 1e6, -1e150, 1e300, f64::INFINITY];
+    for _ in 0..20_000 {
+        let mut place = || {
+            let mut pick = || places[numbers.below(places.len())];
+            Point::new(pick(), pick())
+        };
+        let (a, b) = (place(), place());
+        let got = attenuation.between(a, b);
+        assert!((0.0..=60.0).contains(&got), "{a:?} {b:?}: {got}");
+    }
+}

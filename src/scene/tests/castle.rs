@@ -105,7 +105,7 @@ fn ray_casts_agree_with_a_plain_loop() {
         let mut hits = 0;
         for _ in 0..200 {
             let origin = [numbers.within(-20.0, 20.0), numbers.within(-20.0, 20.0), numbers.within(0.2, 1.5)];
-            let angle = numbers.within(0.0, 6.28);
+            let angle = numbers.within(0.0, std::f64::consts::TAU);
             let direction = [libm::cos(angle), libm::sin(angle), 0.0];
             let (got, expected) =
                 (scene.cast(origin, direction, 500.0), plain_cast(scene, origin, direction));
