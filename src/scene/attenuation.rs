@@ -87,7 +87,7 @@ impl Attenuation {
         Attenuation { wavelength_m, solids, sheets, normal: NormalTable::new() }
     }
 
-    /// Gives the attenuation between two antennas, dB; never negative, the same in both directions.
+    /// Gives the attenuation between two antennas, dB; never negative, the same bits in both directions.
     pub fn between(&self, a: Point, b: Point) -> f64 {
         let Some(link) = Link::new(a, b, self.wavelength_m) else { return 0.0 };
         let solids = self.solids.iter().filter(|solid| link.may_meet(solid.bounds));
@@ -239,19 +239,22 @@ impl Line {
         let b = 2.0 * self.base_m * self.slope - wide * link.length_m;
         let c = self.base_m * self.base_m;
         let root = b * b - 4.0 * a * c;
-        if root <= 0.0 {
+        // With b ≥ 0 both ends lie before the link.
+        if b >= 0.0 || root <= 0.0 {
             return None;
         }
-        let root = root.sqrt();
-        // b < 0 whenever the interval lies in the link, so this form loses no digits.
-        let q = (root - b) / 2.0;
-        Some((c / q, q / a))
+        let q = (root.sqrt() - b) / 2.0;
+        let (near_m, far_m) = (c / q, q / a);
+        (near_m <= far_m).then_some((near_m, far_m))
     }
 }
 
 impl Link {
-    /// `None` when the two ends coincide or are no numbers.
-    fn new(a: Point, b: Point, wavelength_m: f64) -> Option<Link> {
+    /// `None` when the two ends coincide or are no numbers. The ends are put in order first, so that both
+    /// directions give the same bits.
+    fn new(one: Point, other: Point, wavelength_m: f64) -> Option<Link> {
+        let order = one.x_m.total_cmp(&other.x_m).then(one.y_m.total_cmp(&other.y_m));
+        let (a, b) = if order.is_gt() { (other, one) } else { (one, other) };
         let length_m = a.distance_to(b);
         if !(length_m > 0.0 && length_m.is_finite()) {
             return None;

@@ -119,7 +119,7 @@ pub enum SceneError {
 }
 
 /// Everything that stands in the simulated world.
-#[derive(Clone)]
+#[derive(Clone, Debug)]
 pub struct Scene {
     objects: Vec<Object>,
     bounds: Vec<Bounds>,

@@ -21,14 +21,14 @@ pub struct Hit {
 }
 
 /// All triangles of a scene, sorted for ray casts.
-#[derive(Clone)]
+#[derive(Clone, Debug)]
 pub(super) struct Surface {
     mesh: Option<TriMesh>,
     faces: Vec<Face>,
 }
 
 /// What is known of a triangle.
-#[derive(Clone, Copy)]
+#[derive(Clone, Copy, Debug)]
 struct Face {
     normal: Xyz,
     object: u32,

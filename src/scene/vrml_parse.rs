@@ -246,7 +246,10 @@ impl<'a, 'r, 'l> Parser<'a, 'r, 'l> {
         loop {
             match self.tokens.peek()? {
                 Token::CloseBracket => break,
-                Token::End => return Err(self.refuse_end("children", opened, Token::CloseBracket)),
+                Token::End => {
+                    self.tokens.next()?;
+                    return Err(self.refuse_end("children", opened, Token::CloseBracket));
+                }
                 _ => children.extend(self.statement()?),
             }
         }
@@ -343,7 +346,7 @@ impl<'a, 'r, 'l> Parser<'a, 'r, 'l> {
             match self.tokens.next()? {
                 token @ (Token::OpenBrace | Token::OpenBracket) => closings.push(closing_of(token)),
                 token @ (Token::CloseBrace | Token::CloseBracket) if token == *closing => {
-                    drop(closings.pop())
+                    closings.pop();
                 }
                 found @ (Token::CloseBrace | Token::CloseBracket) => {
                     return Err(self.refuse(format!("found {found}; expected {closing}")));

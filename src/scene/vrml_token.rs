@@ -42,20 +42,20 @@ impl std::fmt::Display for Token<'_> {
 pub(super) struct Tokens<'a> {
     text: &'a str,
     at: usize,
-    line: usize,
+    line_at: usize,
     ahead: Option<(Token<'a>, usize)>,
-    last_line: usize,
+    line: usize,
 }
 
 impl<'a> Tokens<'a> {
     /// Starts at the beginning of a text.
     pub(super) fn new(text: &'a str) -> Tokens<'a> {
-        Tokens { text, at: 0, line: 1, ahead: None, last_line: 1 }
+        Tokens { text, at: 0, line_at: 1, ahead: None, line: 1 }
     }
 
     /// Gives the line of the token read last (1 = first line).
     pub(super) fn line(&self) -> usize {
-        self.last_line
+        self.line
     }
 
     /// Gives the next token and steps over it.
@@ -64,7 +64,7 @@ impl<'a> Tokens<'a> {
             Some(ahead) => ahead,
             None => self.read()?,
         };
-        self.last_line = line;
+        self.line = line;
         Ok(token)
     }
 
@@ -78,7 +78,7 @@ impl<'a> Tokens<'a> {
 
     fn read(&mut self) -> Result<(Token<'a>, usize), Refusal> {
         self.skip_blanks();
-        let (start, line) = (self.at, self.line);
+        let (start, line) = (self.at, self.line_at);
         let Some(first) = self.text.as_bytes().get(start) else {
             return Ok((Token::End, line));
         };
@@ -105,7 +105,7 @@ impl<'a> Tokens<'a> {
         while let Some(byte) = bytes.get(self.at) {
             match byte {
                 b'\n' => {
-                    self.line += 1;
+                    self.line_at += 1;
                     in_comment = false;
                 }
                 b'#' => in_comment = true,
@@ -119,7 +119,7 @@ impl<'a> Tokens<'a> {
     }
 
     fn string(&mut self) -> Result<Token<'a>, Refusal> {
-        let (start, opened) = (self.at, self.line);
+        let (start, opened) = (self.at, self.line_at);
         let bytes = self.text.as_bytes();
         while let Some(byte) = bytes.get(self.at) {
             match byte {
@@ -129,7 +129,7 @@ impl<'a> Tokens<'a> {
                     return Ok(Token::Text(text));
                 }
                 b'\\' => self.at += 1,
-                b'\n' => self.line += 1,
+                b'\n' => self.line_at += 1,
                 _ => {}
             }
             self.at += 1;

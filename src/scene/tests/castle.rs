@@ -6,6 +6,7 @@ use serde_json::Value;
 
 use super::*;
 use crate::geom::Bearing;
+use crate::scene::Attenuation;
 use crate::scene::affine::{cross, dot, sub};
 
 fn shared(path: &str) -> PathBuf {
@@ -105,7 +106,7 @@ fn ray_casts_agree_with_a_plain_loop() {
         let mut hits = 0;
         for _ in 0..200 {
             let origin = [numbers.within(-20.0, 20.0), numbers.within(-20.0, 20.0), numbers.within(0.2, 1.5)];
-            let angle = numbers.within(0.0, 6.28);
+            let angle = numbers.within(0.0, std::f64::consts::TAU);
             let direction = [libm::cos(angle), libm::sin(angle), 0.0];
             let (got, expected) =
                 (scene.cast(origin, direction, 500.0), plain_cast(scene, origin, direction));
@@ -135,4 +136,26 @@ fn a_hit_names_its_object_and_ends_at_the_range() {
     assert!((hit.distance_m - 3.7).abs() < 0.01);
     let empty = scene_of("", 20.0, &[]);
     assert!(empty.cast([0.0; 3], [1.0, 0.0, 0.0], 100.0).is_none());
+}
+
+#[test]
+fn the_castle_weakens_radio_but_never_by_nonsense() {
+    let Some(read) = castle() else { return };
+    assert!(read.warnings.len() <= 1, "{:?}", read.warnings);
+    let scene = built(&read);
+    assert!(!scene.outlines(4.0).is_empty());
+    let attenuation = Attenuation::new(&scene, 4.0, 0.125);
+    let (mut numbers, mut most_db) = (Sequence(9), 0.0f64);
+    for _ in 0..500 {
+        let mut place = || Point::new(numbers.within(-60.0, 60.0), numbers.within(-60.0, 60.0));
+        let (a, b) = (place(), place());
+        let got = attenuation.between(a, b);
+        assert!((0.0..1000.0).contains(&got), "{a:?} {b:?}: {got}");
+        let ray = b - a;
+        let direction = [ray.x_m / ray.length_m(), ray.y_m / ray.length_m(), 0.0];
+        let free = scene.cast([a.x_m, a.y_m, 4.0], direction, ray.length_m()).is_none();
+        assert!(free || got > 0.0 || ray.length_m() < 0.1, "a wall on the line takes something: {a:?} {b:?}");
+        most_db = most_db.max(got);
+    }
+    assert!(most_db > 10.0, "{most_db}");
 }

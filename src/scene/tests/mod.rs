@@ -1,6 +1,7 @@
 //! Tests of the scene as a whole; those of one file stand in that file.
 
 mod attenuation;
+mod build;
 mod castle;
 mod contact;
 mod vrml;

@@ -227,7 +227,7 @@ fn a_hundred_thousand_levels_are_refused_without_a_stack() {
     let chain: String =
         (1..levels).map(|i| format!("DEF A{i} Group {{ children USE A{} }}\n", i - 1)).collect();
     check_refused(&format!("DEF A0 Group {{ }}\n{chain}"), 2 + MAX_LEVELS, "levels of nodes");
-    let fine = format!("{}{}", "Group { children ".repeat(200), "}".repeat(200));
+    let fine = format!("{}{}", "Group { children [ ".repeat(200), "] }".repeat(200));
     assert!(read(&fine).is_ok());
 }
 

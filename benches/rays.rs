@@ -1,0 +1,114 @@
+//! How many rays a second, and how long a radio link takes, on one core.
+//!
+//! `cargo bench --bench rays`. Uses `../shared/data/vrml/castle.wrl` when it is there, and the bundled courtyard.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+use std::time::Instant;
+
+use tomoswarm::geom::Point;
+use tomoswarm::scene::{Attenuation, Material, Person, Scene, SceneParts, Up, read_vrml};
+
+const RUNS: usize = 9;
+const RAYS: usize = 400_000;
+const LINKS: usize = 200_000;
+
+fn main() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let castle = root.join("../shared/data/vrml/castle.wrl");
+    match load(&castle, &[]) {
+        Some(scene) => rays("castle", &scene, [0.0, 0.0, 4.0], 40.0),
+        None => println!("castle: skipped, {} is not there", castle.display()),
+    }
+    let persons = [person("one", 8.0, 8.0), person("two", 14.0, 12.0)];
+    let Some(scene) = load(&root.join("scenes/courtyard.wrl"), &persons) else {
+        println!("courtyard: cannot be read");
+        return;
+    };
+    rays("courtyard", &scene, [10.0, 10.0, 0.5], 9.0);
+    links(&scene);
+}
+
+fn person(name: &str, x_m: f64, y_m: f64) -> Person {
+    Person { name: name.into(), at: Point::new(x_m, y_m), radius_m: 0.3, height_m: 1.8, db_per_m: 10.0 }
+}
+
+fn load(path: &Path, persons: &[Person]) -> Option<Scene> {
+    let text = std::fs::read_to_string(path).ok()?;
+    let read = read_vrml(&text, &path.display().to_string(), Up::Z, &mut |_| Err("none here".into())).ok()?;
+    let parts = SceneParts {
+        shapes: &read.shapes,
+        offset_m: [0.0; 3],
+        materials: &BTreeMap::new(),
+        default_material: Material { db_per_m: 20.0, db_per_crossing: 6.0 },
+        persons,
+    };
+    Scene::build(&parts).ok()
+}
+
+/// Numbers spread evenly over 0..1 (golden ratio), the same in every run.
+fn spread(index: usize, by: f64) -> f64 {
+    (index as f64 * by).fract()
+}
+
+fn rays(name: &str, scene: &Scene, middle: [f64; 3], span_m: f64) {
+    let rays: Vec<([f64; 3], [f64; 3])> = (0..RAYS)
+        .map(|index| {
+            let (sin, cos) = (spread(index, 0.618_033_988_75) * std::f64::consts::TAU).sin_cos();
+            let x = middle[0] + span_m * (2.0 * spread(index, 0.754_877_666) - 1.0);
+            let y = middle[1] + span_m * (2.0 * spread(index, 0.569_840_291) - 1.0);
+            ([x, y, middle[2]], [cos, sin, 0.0])
+        })
+        .collect();
+    let mut hits = 0;
+    let rates = measure(RAYS, || {
+        hits = rays
+            .iter()
+            .filter(|(origin, direction)| scene.cast(*origin, *direction, 1000.0).is_some())
+            .count();
+    });
+    print_rates(&format!("{name}: {RAYS} level rays, {hits} hits"), "rays/s", &rates);
+}
+
+fn links(scene: &Scene) {
+    let attenuation = Attenuation::new(scene, 0.5, 0.125);
+    let links: Vec<(Point, Point)> = (0..LINKS)
+        .map(|index| (border(spread(index, 0.618_033_988_75)), border(spread(index, 0.754_877_666))))
+        .collect();
+    let mut sum_db = 0.0;
+    let rates = measure(LINKS, || sum_db = links.iter().map(|(a, b)| attenuation.between(*a, *b)).sum());
+    let mean = sum_db / LINKS as f64;
+    print_rates(&format!("courtyard: {LINKS} border links, mean {mean:.3} dB"), "links/s", &rates);
+}
+
+/// A place on the border of the 20 m square.
+fn border(share: f64) -> Point {
+    let along = 80.0 * share;
+    match along {
+        _ if along < 20.0 => Point::new(along, 0.0),
+        _ if along < 40.0 => Point::new(20.0, along - 20.0),
+        _ if along < 60.0 => Point::new(60.0 - along, 20.0),
+        _ => Point::new(0.0, 80.0 - along),
+    }
+}
+
+#[expect(clippy::disallowed_methods, reason = "a bench measures the time")]
+fn measure(count: usize, mut work: impl FnMut()) -> Vec<f64> {
+    let mut rates: Vec<f64> = (0..RUNS)
+        .map(|_| {
+            let start = Instant::now();
+            work();
+            count as f64 / start.elapsed().as_secs_f64()
+        })
+        .collect();
+    rates.sort_by(f64::total_cmp);
+    rates
+}
+
+fn print_rates(what: &str, unit: &str, rates: &[f64]) {
+    let (min, median, max) = (rates[0], rates[rates.len() / 2], rates[rates.len() - 1]);
+    println!(
+        "{what}: min {min:.3e}, median {median:.3e}, max {max:.3e} {unit} ({:.3} µs each)",
+        1e6 / median
+    );
+}
