@@ -1,1 +1,33 @@
 //! Radio tomography: samples, links, weights, solvers, images, peaks.
+//!
+//! Links are pooled ([`LinkBins`]), calibrated ([`calibrate()`]), and turned into an [`Image`] ([`reconstruct`], [`Imager`]).
+//! Positive values are attenuation, dB/m; rows run from south to north, columns from west to east. Nothing here
+//! reads files, knows vehicles or asks for the time.
+
+mod bins;
+mod calibrate;
+mod image;
+mod imager;
+mod link;
+mod map_solver;
+mod npy;
+mod path_loss;
+mod peaks;
+mod prior;
+mod settings;
+mod tikhonov;
+mod weights;
+
+pub use bins::{BIN_M, LinkBins, SPOT_M};
+pub use calibrate::{Calibrated, DropReason, Dropped, Observation, calibrate, runs_along_a_side};
+pub use image::Image;
+pub use imager::{Imager, MOST_PIXELS, Reconstruction, TomoError, reconstruct};
+pub use link::Link;
+pub use map_solver::{MapProblem, MapSettings, MapSolution, Nuisance};
+pub use npy::npy_bytes;
+pub use path_loss::{ExponentPrior, PathLoss};
+pub use peaks::{Peak, PeakSettings, peaks};
+pub use prior::{Covariance, Prior, Workspace};
+pub use settings::{NoiseModel, Settings, Solver};
+pub use tikhonov::tikhonov;
+pub use weights::{WeightModel, WeightRows};

@@ -1,0 +1,254 @@
+//! Pools the packets of moving vehicles into bins: one square at each end of the radio path.
+//!
+//! Memory grows with the bins that were visited, not with packets. Nothing is calibrated or dropped here.
+
+use std::collections::BTreeMap;
+
+use crate::geom::Point;
+
+use super::Link;
+
+/// The default side of a bin, metres.
+pub const BIN_M: f64 = 0.5;
+/// The default side of a spot, metres: half a wavelength at 2.4 GHz.
+pub const SPOT_M: f64 = 0.0625;
+/// Spots beyond this number are not told apart; the fades are averaged well by then.
+const MOST_SPOTS: usize = 64;
+
+/// A bin pair: two packed square indices, the smaller one first.
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Debug)]
+pub(super) struct BinKey(u64, u64);
+
+impl BinKey {
+    /// Gives the key of a pair of places and whether the places were exchanged to make it direction-free.
+    pub(super) fn of(from: Point, to: Point, bin_m: f64) -> (BinKey, bool) {
+        let (a, b) = (square(from, bin_m), square(to, bin_m));
+        let exchanged = a > b;
+        let (low, high) = if exchanged { (b, a) } else { (a, b) };
+        (BinKey(low, high), exchanged)
+    }
+
+    /// Gives the key whose ends lie the given numbers of squares (x, y) away from this key's ends.
+    pub(super) fn moved(self, low: (i32, i32), high: (i32, i32)) -> BinKey {
+        let (a, b) = (shifted(self.0, low), shifted(self.1, high));
+        BinKey(a.min(b), a.max(b))
+    }
+}
+
+fn square(at: Point, bin_m: f64) -> u64 {
+    // A float becomes the nearest whole number that fits, so no place overflows.
+    let index = |metres: f64| libm::floor(metres / bin_m) as i32;
+    packed(index(at.x_m), index(at.y_m))
+}
+
+/// Packs a row and a column so that the order of the numbers is the order of rows, then columns.
+fn packed(x: i32, y: i32) -> u64 {
+    let biased = |index: i32| u64::from(index.cast_unsigned() ^ 0x8000_0000);
+    (biased(y) << 32) | biased(x)
+}
+
+fn shifted(square: u64, by: (i32, i32)) -> u64 {
+    let unbiased = |index: u64| (index as u32 ^ 0x8000_0000).cast_signed();
+    packed(unbiased(square).saturating_add(by.0), unbiased(square >> 32).saturating_add(by.1))
+}
+
+/// Running sums of one bin pair.
+#[derive(Clone, Debug, Default)]
+struct Bin {
+    records: u32,
+    packets: u32,
+    from_sum_m: (f64, f64),
+    to_sum_m: (f64, f64),
+    rssi_sum_dbm: f64,
+    rssi_square_sum: f64,
+    spots: Vec<u16>,
+    /// Spots of pooled links beyond the one that their mean place stands for.
+    further_spots: u32,
+}
+
+/// All that was heard between bins.
+#[derive(Clone, Debug)]
+pub struct LinkBins {
+    bin_m: f64,
+    spot_m: f64,
+    bins: BTreeMap<BinKey, Bin>,
+}
+
+impl Default for LinkBins {
+    fn default() -> LinkBins {
+        LinkBins::new(BIN_M, SPOT_M)
+    }
+}
+
+impl LinkBins {
+    /// Makes empty bins; both sides in metres, positive.
+    pub fn new(bin_m: f64, spot_m: f64) -> LinkBins {
+        debug_assert!(bin_m > 0.0 && spot_m > 0.0);
+        LinkBins { bin_m, spot_m, bins: BTreeMap::new() }
+    }
+
+    /// Counts one packet from `tx` to `rx`: its strength in dBm, or `None` when it was expected and not heard.
+    /// Places that are not finite are passed over.
+    pub fn record(&mut self, tx: Point, rx: Point, rssi_dbm: Option<i16>) {
+        if !tx.is_finite() || !rx.is_finite() {
+            return;
+        }
+        let (key, exchanged) = BinKey::of(tx, rx, self.bin_m);
+        let (from, to) = if exchanged { (rx, tx) } else { (tx, rx) };
+        let spot = spot_code(from, to, self.bin_m, self.spot_m);
+        self.bins.entry(key).or_default().add(from, to, rssi_dbm, spot);
+    }
+
+    /// Counts the pooled packets of a link, as if each had been recorded at the link's mean places.
+    pub fn record_link(&mut self, link: &Link) {
+        if !link.from.is_finite() || !link.to.is_finite() {
+            return;
+        }
+        let (key, exchanged) = BinKey::of(link.from, link.to, self.bin_m);
+        let (from, to) = if exchanged { (link.to, link.from) } else { (link.from, link.to) };
+        let spot = spot_code(from, to, self.bin_m, self.spot_m);
+        self.bins.entry(key).or_default().add_link(from, to, link, spot);
+    }
+
+    /// Gives the number of bin pairs.
+    pub fn len(&self) -> usize {
+        self.bins.len()
+    }
+
+    /// Tells whether nothing was recorded.
+    pub fn is_empty(&self) -> bool {
+        self.bins.is_empty()
+    }
+
+    /// Forgets everything.
+    pub fn clear(&mut self) {
+        self.bins.clear();
+    }
+
+    /// Gives the links in the order of their bins (rows, then columns, of the first and then of the second end).
+    pub fn links(&self) -> Vec<Link> {
+        self.bins.values().map(Bin::link).collect()
+    }
+}
+
+impl Bin {
+    fn add(&mut self, from: Point, to: Point, rssi_dbm: Option<i16>, spot: u16) {
+        self.records = self.records.saturating_add(1);
+        self.from_sum_m = (self.from_sum_m.0 + from.x_m, self.from_sum_m.1 + from.y_m);
+        self.to_sum_m = (self.to_sum_m.0 + to.x_m, self.to_sum_m.1 + to.y_m);
+        let Some(rssi_dbm) = rssi_dbm.map(f64::from) else {
+            return;
+        };
+        self.packets = self.packets.saturating_add(1);
+        self.rssi_sum_dbm += rssi_dbm;
+        self.rssi_square_sum += rssi_dbm * rssi_dbm;
+        if self.spots.len() < MOST_SPOTS && !self.spots.contains(&spot) {
+            self.spots.push(spot);
+        }
+    }
+
+    fn add_link(&mut self, from: Point, to: Point, link: &Link, spot: u16) {
+        let (records, packets) = (link.packets.saturating_add(link.misses), f64::from(link.packets));
+        self.records = self.records.saturating_add(records);
+        let share = f64::from(records);
+        self.from_sum_m = (self.from_sum_m.0 + share * from.x_m, self.from_sum_m.1 + share * from.y_m);
+        self.to_sum_m = (self.to_sum_m.0 + share * to.x_m, self.to_sum_m.1 + share * to.y_m);
+        if link.packets == 0 {
+            return;
+        }
+        self.packets = self.packets.saturating_add(link.packets);
+        self.rssi_sum_dbm += packets * link.mean_dbm;
+        self.rssi_square_sum += packets * (link.mean_dbm * link.mean_dbm + link.spread_db * link.spread_db);
+        if self.spots.len() < MOST_SPOTS && !self.spots.contains(&spot) {
+            self.spots.push(spot);
+            self.further_spots = self.further_spots.saturating_add(link.spots.saturating_sub(1));
+        }
+    }
+
+    fn link(&self) -> Link {
+        let (records, packets) = (f64::from(self.records), f64::from(self.packets));
+        let mean_dbm = self.rssi_sum_dbm / packets;
+        let variance = (self.rssi_square_sum / packets - mean_dbm * mean_dbm).max(0.0);
+        let unbiased = if self.packets > 1 { variance * packets / (packets - 1.0) } else { 0.0 };
+        Link {
+            from: Point::new(self.from_sum_m.0 / records, self.from_sum_m.1 / records),
+            to: Point::new(self.to_sum_m.0 / records, self.to_sum_m.1 / records),
+            packets: self.packets,
+            spots: (self.spots.len() as u32).saturating_add(self.further_spots).clamp(1, MOST_SPOTS as u32),
+            misses: self.records - self.packets,
+            mean_dbm,
+            spread_db: unbiased.sqrt(),
+        }
+    }
+}
+
+/// Names the spots of both ends within their bins, 4 bits an axis.
+fn spot_code(from: Point, to: Point, bin_m: f64, spot_m: f64) -> u16 {
+    let within = |metres: f64| {
+        let rest_m = metres - bin_m * libm::floor(metres / bin_m);
+        (rest_m / spot_m).clamp(0.0, 15.0) as u16
+    };
+    (within(from.x_m) << 12) | (within(from.y_m) << 8) | (within(to.x_m) << 4) | within(to.y_m)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn both_directions_fall_into_one_bin() {
+        let mut bins = LinkBins::default();
+        let (a, b) = (Point::new(0.1, 0.2), Point::new(10.1, 5.2));
+        bins.record(a, b, Some(-50));
+        bins.record(b, a, Some(-54));
+        bins.record(Point::new(0.3, 0.2), b, Some(-52));
+        bins.record(a, b, None);
+        let links = bins.links();
+        assert_eq!(links.len(), 1);
+        let link = links[0];
+        assert_eq!((link.packets, link.misses, link.spots, link.mean_dbm), (3, 1, 2, -52.0));
+        assert!((link.spread_db - 2.0).abs() < 1e-9);
+        assert!(link.from.distance_to(Point::new(0.15, 0.2)) < 1e-9);
+        assert!(link.to.distance_to(b) < 1e-9);
+    }
+
+    #[test]
+    fn places_half_a_metre_apart_are_told_apart() {
+        let mut bins = LinkBins::default();
+        let far = Point::new(10.0, 0.0);
+        bins.record(Point::new(-0.1, 0.0), far, Some(-50));
+        bins.record(Point::new(0.1, 0.0), far, Some(-50));
+        bins.record(Point::new(f64::NAN, 0.0), far, Some(-50));
+        assert_eq!(bins.len(), 2);
+    }
+
+    #[test]
+    fn driving_half_a_metre_gives_eight_spots() {
+        let mut bins = LinkBins::default();
+        for step in 0..50 {
+            bins.record(Point::new(0.005 + 0.01 * f64::from(step), 0.0), Point::new(9.0, 9.0), Some(-60));
+        }
+        assert_eq!(bins.links()[0].spots, 8);
+    }
+
+    #[test]
+    fn the_order_of_packets_does_not_matter() {
+        let place = |k: i32| Point::new(f64::from(k * 7 % 20), f64::from(k * 3 % 20));
+        let (mut one, mut two) = (LinkBins::default(), LinkBins::default());
+        for k in 0..40 {
+            one.record(place(k), place(k + 5), Some(-50 - k as i16));
+            let k = 39 - k;
+            two.record(place(k + 5), place(k), Some(-50 - k as i16));
+        }
+        assert_eq!(one.links(), two.links());
+    }
+
+    #[test]
+    fn a_moved_key_is_the_key_of_the_moved_places() {
+        let (a, b) = (Point::new(3.2, 0.1), Point::new(0.3, 7.7));
+        let (key, exchanged) = BinKey::of(a, b, 0.5);
+        assert!(!exchanged);
+        let moved = key.moved((-1, 0), (0, 1));
+        assert_eq!(moved, BinKey::of(Point::new(2.7, 0.1), Point::new(0.3, 8.2), 0.5).0);
+    }
+}

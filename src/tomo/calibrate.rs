@@ -1,0 +1,258 @@
+//! From signal strengths to attenuations: by an empty sweep where there is one, by a fitted path loss otherwise.
+//!
+//! Every link that is not used is counted with its reason. Nothing is imaged here.
+
+use std::collections::BTreeMap;
+
+use crate::geom::{Point, Rect};
+
+use super::Link;
+use super::bins::BinKey;
+use super::path_loss::{ExponentPrior, PathLoss, spread_db};
+use super::settings::{NoiseModel, Settings};
+
+/// Why a link is not in the image.
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Debug)]
+pub enum DropReason {
+    /// Shorter than the shortest link that is imaged.
+    TooShort,
+    /// Runs along one side of the ring, where nothing stands.
+    SameSide,
+    /// Never heard, and not missed often enough to say why.
+    NeverHeard,
+    /// The empty sweep has no link near it.
+    NoEmptyPartner,
+    /// Does not pass through the area.
+    OutsideArea,
+}
+
+impl DropReason {
+    /// Gives the reason in words.
+    pub fn words(self) -> &'static str {
+        match self {
+            DropReason::TooShort => "too short",
+            DropReason::SameSide => "along one side",
+            DropReason::NeverHeard => "never heard",
+            DropReason::NoEmptyPartner => "no partner in the empty sweep",
+            DropReason::OutsideArea => "outside the area",
+        }
+    }
+}
+
+/// How many links were dropped, by reason.
+pub type Dropped = BTreeMap<DropReason, usize>;
+
+/// One calibrated link.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub struct Observation {
+    /// The first end, metres.
+    pub from: Point,
+    /// The second end, metres.
+    pub to: Point,
+    /// Attenuation by what stands in between, dB; positive = attenuation.
+    pub attenuation_db: f64,
+    /// Its variance, dB².
+    pub variance_db2: f64,
+}
+
+/// The calibrated links of a sweep.
+#[derive(Clone, PartialEq, Debug)]
+pub struct Calibrated {
+    /// In the order of the links given.
+    pub observations: Vec<Observation>,
+    /// What was left out.
+    pub dropped: Dropped,
+    /// The law that was fitted: on the sweep itself, or on the empty one where there is one.
+    pub path_loss: Option<PathLoss>,
+    /// Whether the attenuations rest on an empty sweep.
+    pub by_empty_sweep: bool,
+}
+
+/// Calibrates the links `now` by an empty sweep, or without one by the path loss of the sweep itself.
+pub fn calibrate(now: &[Link], empty: Option<&[Link]>, settings: &Settings) -> Calibrated {
+    let path_loss = fit_path_loss(empty.unwrap_or(now), settings);
+    let sweep = empty.map(|links| EmptySweep::new(links, settings, path_loss));
+    let mut calibrated = Calibrated {
+        observations: Vec::new(),
+        dropped: Dropped::new(),
+        path_loss,
+        by_empty_sweep: sweep.is_some(),
+    };
+    for link in now {
+        match observe(link, sweep.as_ref(), path_loss, settings) {
+            Ok(observation) => calibrated.observations.push(observation),
+            Err(reason) => *calibrated.dropped.entry(reason).or_default() += 1,
+        }
+    }
+    calibrated
+}
+
+fn observe(
+    link: &Link,
+    sweep: Option<&EmptySweep>,
+    path_loss: Option<PathLoss>,
+    settings: &Settings,
+) -> Result<Observation, DropReason> {
+    let length_m = link.length_m();
+    if length_m < settings.shortest_link_m || length_m <= 0.0 {
+        return Err(DropReason::TooShort);
+    }
+    if runs_along_a_side(link, settings.ring, settings.side_tolerance_m) {
+        return Err(DropReason::SameSide);
+    }
+    let mean_dbm = link.censored_mean_dbm(settings.noise.sensitivity_dbm).ok_or(DropReason::NeverHeard)?;
+    let (attenuation_db, variance_db2) = match sweep {
+        Some(sweep) => {
+            let partner = sweep.partner(link).ok_or(DropReason::NoEmptyPartner)?;
+            let longer_db = 2.0 * (spread_db(length_m) - spread_db(partner.link.length_m()));
+            let variance_db2 = paired_variance(link, partner, &settings.noise, settings.pairing_m);
+            (partner.mean_dbm - mean_dbm - longer_db, variance_db2)
+        }
+        None => {
+            let free_dbm = path_loss.map_or(mean_dbm, |law| law.strength_dbm(length_m));
+            (free_dbm - mean_dbm, single_variance(link, &settings.noise))
+        }
+    };
+    let observation = Observation { from: link.from, to: link.to, attenuation_db, variance_db2 };
+    Ok(observation)
+}
+
+/// s_F²/spots + s_t²/n + s_model²: without an empty sweep the fade stays in.
+fn single_variance(link: &Link, noise: &NoiseModel) -> f64 {
+    let square = |sd_db: f64| sd_db * sd_db;
+    square(noise.fading_sd_db) / f64::from(link.spots.max(1))
+        + packet_variance(link, noise)
+        + square(noise.model_sd_db)
+}
+
+/// s_t²/n, and the twelfth of a step of 1 dB.
+fn packet_variance(link: &Link, noise: &NoiseModel) -> f64 {
+    (noise.packet_sd_db * noise.packet_sd_db + 1.0 / 12.0) / f64::from(link.packets.max(1))
+}
+
+/// 2 s_F²/spots + s_t²/n_now + s_t²/n_empty + s_match².
+///
+/// Where both sweeps stood at the very same places the fades cancel down to a small rest.
+fn paired_variance(link: &Link, partner: &Entry, noise: &NoiseModel, pairing_m: f64) -> f64 {
+    let square = |sd_db: f64| sd_db * sd_db;
+    let now_share = 1.0 / f64::from(link.spots.max(1));
+    let empty_share = 1.0 / f64::from(partner.link.spots.max(1));
+    let is_same_place =
+        link.spots <= 1 && partner.link.spots <= 1 && ends_apart_m(link, &partner.link) < 0.02 * pairing_m;
+    let fading_db2 = if is_same_place {
+        square(noise.matched_fading_sd_db)
+    } else {
+        square(noise.fading_sd_db) * (now_share + empty_share)
+    };
+    let apart = (ends_apart_m(link, &partner.link) / pairing_m).min(1.0);
+    let share = if is_same_place { 0.0 } else { noise.match_share.max(apart) };
+    fading_db2
+        + packet_variance(link, noise)
+        + packet_variance(&partner.link, noise)
+        + share * share * partner.local_variance_db2
+        + square(noise.model_sd_db)
+}
+
+/// Gives the larger of the distances between the ends of two links, the ends matched as they lie nearer.
+fn ends_apart_m(a: &Link, b: &Link) -> f64 {
+    let straight = a.from.distance_to(b.from).max(a.to.distance_to(b.to));
+    let crossed = a.from.distance_to(b.to).max(a.to.distance_to(b.from));
+    straight.min(crossed)
+}
+
+/// Tells whether both ends lie on one side of the ring.
+pub fn runs_along_a_side(link: &Link, ring: Rect, tolerance_m: f64) -> bool {
+    let both = |near: &dyn Fn(Point) -> f64| near(link.from) <= tolerance_m && near(link.to) <= tolerance_m;
+    both(&|at| (at.x_m - ring.min.x_m).abs())
+        || both(&|at| (at.x_m - ring.max.x_m).abs())
+        || both(&|at| (at.y_m - ring.min.y_m).abs())
+        || both(&|at| (at.y_m - ring.max.y_m).abs())
+}
+
+/// Fits the law on the links along the sides when there are enough of them, else on all that are long enough.
+fn fit_path_loss(links: &[Link], settings: &Settings) -> Option<PathLoss> {
+    const FEWEST_FREE: usize = 8;
+    let (free, rest): (Vec<Link>, Vec<Link>) = links
+        .iter()
+        .filter(|link| link.length_m() >= 0.5 * settings.shortest_link_m)
+        .partition(|link| runs_along_a_side(link, settings.ring, settings.side_tolerance_m));
+    let fitted = if free.len() >= FEWEST_FREE { &free } else { &rest };
+    PathLoss::fit(fitted, settings.exponent)
+}
+
+/// A link of the empty sweep with what its neighbours say.
+#[derive(Clone, Copy, PartialEq, Debug)]
+struct Entry {
+    link: Link,
+    mean_dbm: f64,
+    /// How much the standing structure changes to the neighbouring bins, dB².
+    local_variance_db2: f64,
+}
+
+/// The empty sweep, searchable by place.
+struct EmptySweep {
+    pairing_m: f64,
+    entries: BTreeMap<BinKey, Entry>,
+}
+
+impl EmptySweep {
+    fn new(links: &[Link], settings: &Settings, path_loss: Option<PathLoss>) -> EmptySweep {
+        let mut sweep = EmptySweep { pairing_m: settings.pairing_m, entries: BTreeMap::new() };
+        for link in links {
+            let Some(mean_dbm) = link.censored_mean_dbm(settings.noise.sensitivity_dbm) else {
+                continue;
+            };
+            let (key, exchanged) = BinKey::of(link.from, link.to, sweep.pairing_m);
+            let mut link = *link;
+            if exchanged {
+                (link.from, link.to) = (link.to, link.from);
+            }
+            sweep.entries.insert(key, Entry { link, mean_dbm, local_variance_db2: 0.0 });
+        }
+        let exponent = path_loss.map_or(ExponentPrior::NEAR_FREE_SPACE.mean, |law| law.exponent);
+        let spreads: Vec<f64> =
+            sweep.entries.keys().map(|key| sweep.local_variance(*key, exponent, &settings.noise)).collect();
+        sweep.entries.values_mut().zip(spreads).for_each(|(entry, spread)| entry.local_variance_db2 = spread);
+        sweep
+    }
+
+    /// Gives the mean square step to the neighbouring bins beyond what noise explains, dB².
+    fn local_variance(&self, key: BinKey, exponent: f64, noise: &NoiseModel) -> f64 {
+        let level = |entry: &Entry| entry.mean_dbm + exponent * spread_db(entry.link.length_m().max(1e-3));
+        let here = &self.entries[&key];
+        let (mut sum, mut count) = (0.0, 0);
+        for key in neighbours(key) {
+            if let Some(entry) = self.entries.get(&key) {
+                let step_db = level(entry) - level(here);
+                let expected = single_variance(&entry.link, noise) + single_variance(&here.link, noise);
+                sum += step_db * step_db - expected;
+                count += 1;
+            }
+        }
+        if count == 0 { 0.0 } else { (sum / f64::from(count)).max(0.0) }
+    }
+
+    /// Gives the link of the same bin, else the nearest one within reach.
+    fn partner(&self, link: &Link) -> Option<&Entry> {
+        let (key, _) = BinKey::of(link.from, link.to, self.pairing_m);
+        if let Some(entry) = self.entries.get(&key) {
+            return Some(entry);
+        }
+        neighbours(key)
+            .filter_map(|key| self.entries.get(&key))
+            .map(|entry| (ends_apart_m(link, &entry.link), entry))
+            .filter(|(apart_m, _)| *apart_m <= self.pairing_m)
+            .min_by(|a, b| a.0.total_cmp(&b.0))
+            .map(|(_, entry)| entry)
+    }
+}
+
+/// The keys with one end, or both, in a neighbouring bin.
+fn neighbours(key: BinKey) -> impl Iterator<Item = BinKey> {
+    const STEPS: [(i32, i32); 5] = [(0, 0), (1, 0), (-1, 0), (0, 1), (0, -1)];
+    STEPS
+        .into_iter()
+        .flat_map(move |low| STEPS.into_iter().map(move |high| (low, high)))
+        .skip(1)
+        .map(move |(low, high)| key.moved(low, high))
+}

@@ -1,0 +1,25 @@
+//! A reconstructed image.
+
+use crate::geom::PixelGrid;
+
+/// Values on the pixels of a grid: row-major, rows from south to north, columns from west to east.
+#[derive(Clone, PartialEq, Debug)]
+pub struct Image {
+    /// Where the pixels lie.
+    pub grid: PixelGrid,
+    /// Attenuation, dB/m (positive = attenuation); as many as the grid has pixels.
+    pub values: Vec<f64>,
+}
+
+impl Image {
+    /// Makes an image of zeros.
+    pub fn zeros(grid: PixelGrid) -> Image {
+        Image { grid, values: vec![0.0; grid.len()] }
+    }
+
+    /// Gives the smallest and the largest value.
+    pub fn range(&self) -> (f64, f64) {
+        let fold = |start: f64, pick: fn(f64, f64) -> f64| self.values.iter().copied().fold(start, pick);
+        (fold(f64::INFINITY, f64::min), fold(f64::NEG_INFINITY, f64::max))
+    }
+}

@@ -1,0 +1,233 @@
+//! From links to an image with its peaks: calibration, weights, solver and peaks in their order.
+//!
+//! [`Imager`] keeps the last solution and starts the next one from it; [`reconstruct`] does it once.
+
+use std::collections::BTreeMap;
+
+use crate::geom::{Point, Segment};
+
+use super::bins::BinKey;
+use super::calibrate::{Calibrated, DropReason, Dropped, Observation, calibrate};
+use super::map_solver::{MapProblem, MapSettings, MapSolution, Nuisance};
+use super::path_loss::{PathLoss, spread_db};
+use super::peaks::{Peak, peaks};
+use super::prior::Covariance;
+use super::settings::{Settings, Solver};
+use super::tikhonov::tikhonov;
+use super::weights::WeightRows;
+use super::{Image, Link};
+
+/// Why there is no image.
+#[derive(Clone, PartialEq, Debug, thiserror::Error)]
+pub enum TomoError {
+    /// The grid has no pixels, too many, or no size.
+    #[error(
+        "the image must have 1 to {most} pixels on an area of positive size, found {columns} x {rows} on {width} x {height}"
+    )]
+    BadGrid {
+        /// Most pixels that are allowed.
+        most: usize,
+        /// Pixels from west to east.
+        columns: usize,
+        /// Pixels from south to north.
+        rows: usize,
+        /// Of the area.
+        width: f64,
+        /// Of the area.
+        height: f64,
+    },
+    /// Nothing is left to image.
+    #[error("no link can be imaged: {given} given, dropped: {dropped}")]
+    NoLinks {
+        /// Links given.
+        given: usize,
+        /// Reasons and counts, in words.
+        dropped: String,
+    },
+}
+
+/// Most pixels that are imaged; more would take minutes and show nothing new.
+pub const MOST_PIXELS: usize = 1 << 20;
+
+/// An image and how it came about.
+#[derive(Clone, PartialEq, Debug)]
+pub struct Reconstruction {
+    /// The image, dB/m.
+    pub image: Image,
+    /// Strong places, strongest first.
+    pub peaks: Vec<Peak>,
+    /// Root mean square of what the image does not explain, dB.
+    pub residual_rms_db: f64,
+    /// Links in the image.
+    pub used: usize,
+    /// Links left out.
+    pub dropped: Dropped,
+    /// The law that was fitted, if any.
+    pub path_loss: Option<PathLoss>,
+    /// Whether an empty sweep was subtracted.
+    pub by_empty_sweep: bool,
+}
+
+/// Reconstructs once. Without an empty sweep the path loss is fitted and the whole structure is imaged.
+///
+/// # Errors
+/// [`TomoError::BadGrid`] and [`TomoError::NoLinks`].
+pub fn reconstruct(
+    now: &[Link],
+    empty: Option<&[Link]>,
+    settings: &Settings,
+) -> Result<Reconstruction, TomoError> {
+    Imager::new(*settings)?.update(now, empty)
+}
+
+/// Reconstructs again and again while links are added; each time starts from the last solution.
+#[derive(Clone, Debug)]
+pub struct Imager {
+    settings: Settings,
+    covariance: Option<Covariance>,
+    /// Dual variable and trust of each link of the last solution.
+    last: BTreeMap<BinKey, (f64, f64)>,
+}
+
+impl Imager {
+    /// Makes an imager; the covariance is transformed once.
+    ///
+    /// # Errors
+    /// [`TomoError::BadGrid`].
+    pub fn new(settings: Settings) -> Result<Imager, TomoError> {
+        let (grid, area) = (settings.grid, settings.grid.area);
+        let (width, height) = (area.width_m(), area.height_m());
+        let is_sized = width.is_finite() && height.is_finite() && width > 0.0 && height > 0.0;
+        let pixels = grid.columns.checked_mul(grid.rows).unwrap_or(usize::MAX);
+        if !is_sized || pixels == 0 || pixels > MOST_PIXELS {
+            let (columns, rows) = (grid.columns, grid.rows);
+            return Err(TomoError::BadGrid { most: MOST_PIXELS, columns, rows, width, height });
+        }
+        let covariance = match settings.solver {
+            Solver::Map(prior, _) => Some(Covariance::new(&grid, prior)),
+            Solver::Tikhonov { .. } => None,
+        };
+        Ok(Imager { settings, covariance, last: BTreeMap::new() })
+    }
+
+    /// Gives the settings.
+    pub fn settings(&self) -> &Settings {
+        &self.settings
+    }
+
+    /// Reconstructs from all links so far.
+    ///
+    /// # Errors
+    /// [`TomoError::NoLinks`].
+    pub fn update(&mut self, now: &[Link], empty: Option<&[Link]>) -> Result<Reconstruction, TomoError> {
+        let mut calibrated = calibrate(now, empty, &self.settings);
+        let rows = self.rows(&mut calibrated);
+        if calibrated.observations.is_empty() {
+            return Err(TomoError::NoLinks { given: now.len(), dropped: words(&calibrated.dropped) });
+        }
+        let (values, residual_db) = self.solve(&rows, &calibrated);
+        let image = Image { grid: self.settings.grid, values };
+        let squares: f64 = residual_db.iter().map(|residual| residual * residual).sum();
+        Ok(Reconstruction {
+            peaks: peaks(&image, self.settings.peaks),
+            image,
+            residual_rms_db: (squares / residual_db.len() as f64).sqrt(),
+            used: calibrated.observations.len(),
+            dropped: calibrated.dropped,
+            path_loss: calibrated.path_loss,
+            by_empty_sweep: calibrated.by_empty_sweep,
+        })
+    }
+
+    /// Builds the weights, and drops links that do not touch the area.
+    fn rows(&self, calibrated: &mut Calibrated) -> WeightRows {
+        let settings = &self.settings;
+        let segment = |link: &Observation| Segment::new(link.from, link.to);
+        let build = |links: &[Observation]| {
+            WeightRows::rescaled(links.iter().map(segment), &settings.grid, settings.weights)
+        };
+        let rows = build(&calibrated.observations);
+        let touches: Vec<bool> =
+            (0..rows.len()).map(|row| rows.row(row).any(|(_, weight)| weight > 0.0)).collect();
+        let outside = touches.iter().filter(|touches| !**touches).count();
+        if outside == 0 {
+            return rows;
+        }
+        calibrated.dropped.insert(DropReason::OutsideArea, outside);
+        let mut keep = touches.into_iter();
+        calibrated.observations.retain(|_| keep.next().unwrap_or(false));
+        build(&calibrated.observations)
+    }
+
+    /// Gives the image and the residual of each link, dB.
+    fn solve(&mut self, rows: &WeightRows, calibrated: &Calibrated) -> (Vec<f64>, Vec<f64>) {
+        let links = &calibrated.observations;
+        let attenuation_db: Vec<f64> = links.iter().map(|link| link.attenuation_db).collect();
+        match (self.settings.solver, self.covariance.take()) {
+            (Solver::Map(_, settings), Some(covariance)) => {
+                let solution = self.solve_map(rows, calibrated, &covariance, settings, &attenuation_db);
+                self.covariance = Some(covariance);
+                (solution.image, solution.residual_db)
+            }
+            (Solver::Tikhonov { alpha_m2 }, _) => {
+                let image = tikhonov(rows, &self.settings.grid, &attenuation_db, alpha_m2);
+                let mut explained_db = vec![0.0; links.len()];
+                rows.forward(&image, &mut explained_db);
+                let residual_db =
+                    attenuation_db.iter().zip(explained_db).map(|(y, explained)| y - explained).collect();
+                (image, residual_db)
+            }
+            (Solver::Map(..), None) => {
+                unreachable!("the covariance is made with the imager and put back after use")
+            }
+        }
+    }
+
+    fn solve_map(
+        &mut self,
+        rows: &WeightRows,
+        calibrated: &Calibrated,
+        covariance: &Covariance,
+        settings: MapSettings,
+        attenuation_db: &[f64],
+    ) -> MapSolution {
+        let links = &calibrated.observations;
+        let variance_db2: Vec<f64> = links.iter().map(|link| link.variance_db2).collect();
+        let nuisance = if calibrated.by_empty_sweep { Vec::new() } else { path_loss_columns(calibrated) };
+        let problem =
+            MapProblem { rows, covariance, attenuation_db, variance_db2: &variance_db2, nuisance: &nuisance };
+        let key = |link: &Observation| BinKey::of(link.from, link.to, self.settings.pairing_m).0;
+        let start = links.iter().map(|link| self.last.get(&key(link)).copied().unwrap_or((0.0, 1.0))).unzip();
+        let solution = problem.solve(settings, Some(start));
+        let states = solution.dual.iter().copied().zip(solution.trust.iter().copied());
+        self.last = links.iter().map(key).zip(states).collect();
+        solution
+    }
+}
+
+/// The unknown level and exponent of the fitted law: y = W x − δP0 + 10 δn (log d − centre).
+fn path_loss_columns(calibrated: &Calibrated) -> Vec<Nuisance> {
+    let Some(law) = calibrated.path_loss else {
+        return Vec::new();
+    };
+    let slopes = calibrated.observations.iter().map(|link| {
+        let distance_m = Point::distance_to(link.from, link.to);
+        spread_db(distance_m) - law.centre_db
+    });
+    vec![
+        Nuisance {
+            column: vec![1.0; calibrated.observations.len()],
+            variance: law.level_sd_db * law.level_sd_db,
+        },
+        Nuisance { column: slopes.collect(), variance: law.exponent_sd * law.exponent_sd },
+    ]
+}
+
+/// Gives reasons and counts in words.
+fn words(dropped: &Dropped) -> String {
+    if dropped.is_empty() {
+        return "none".to_owned();
+    }
+    let part = |(reason, count): (&DropReason, &usize)| format!("{count} {}", reason.words());
+    dropped.iter().map(part).collect::<Vec<_>>().join(", ")
+}

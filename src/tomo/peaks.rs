@@ -1,0 +1,128 @@
+//! Where objects stand: the strongest places of an image.
+//!
+//! Greedy with non-maximum suppression, refined by the local centroid. How many peaks are objects is the
+//! caller's decision; each peak says how far it stands out of the image's noise.
+
+use crate::geom::Point;
+
+use super::Image;
+
+/// A strong place of the image.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub struct Peak {
+    /// Its centroid, metres (or the units of the input).
+    pub at: Point,
+    /// The highest pixel, dB/m.
+    pub strength: f64,
+    /// The strength over the image's robust noise level (1.4826 times the median absolute value inside the rim).
+    pub significance: f64,
+}
+
+/// How peaks are told apart.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub struct PeakSettings {
+    /// Pixels nearer than this to the area's border hold no peak, metres.
+    pub rim_m: f64,
+    /// Peaks lie at least this far apart, metres.
+    pub separation_m: f64,
+    /// Most peaks that are listed.
+    pub limit: usize,
+}
+
+/// Gives the peaks, strongest first; only positive ones.
+pub fn peaks(image: &Image, settings: PeakSettings) -> Vec<Peak> {
+    let inner = image.grid.area.shrunk(settings.rim_m);
+    let mut open: Vec<usize> =
+        (0..image.grid.len()).filter(|pixel| inner.contains(image.grid.centre(*pixel))).collect();
+    let noise = noise_level(open.iter().map(|pixel| image.values[*pixel].abs()).collect());
+    let mut found = Vec::new();
+    while found.len() < settings.limit {
+        let highest = open.iter().copied().max_by(|a, b| {
+            // The first of equal pixels wins, so that the answer does not depend on the search.
+            image.values[*a].total_cmp(&image.values[*b]).then(b.cmp(a))
+        });
+        let Some(highest) = highest.filter(|pixel| image.values[*pixel] > 0.0) else {
+            break;
+        };
+        let (centre, strength) = (image.grid.centre(highest), image.values[highest]);
+        let at = centroid(image, &open, centre, settings.separation_m / 2.0, strength);
+        found.push(Peak {
+            at,
+            strength,
+            significance: if noise > 0.0 { strength / noise } else { f64::MAX },
+        });
+        open.retain(|pixel| image.grid.centre(*pixel).distance_to(centre) >= settings.separation_m);
+    }
+    found
+}
+
+/// Gives the centroid of what rises above half the strength around a pixel.
+fn centroid(image: &Image, open: &[usize], centre: Point, radius_m: f64, strength: f64) -> Point {
+    let (mut sum, mut moment_x, mut moment_y) = (0.0, 0.0, 0.0);
+    for pixel in open {
+        let at = image.grid.centre(*pixel);
+        let weight = (image.values[*pixel] - 0.5 * strength).max(0.0);
+        if at.distance_to(centre) < radius_m {
+            sum += weight;
+            moment_x += weight * at.x_m;
+            moment_y += weight * at.y_m;
+        }
+    }
+    if sum > 0.0 { Point::new(moment_x / sum, moment_y / sum) } else { centre }
+}
+
+fn noise_level(mut sizes: Vec<f64>) -> f64 {
+    if sizes.is_empty() {
+        return 0.0;
+    }
+    let middle = sizes.len() / 2;
+    1.4826 * *sizes.select_nth_unstable_by(middle, f64::total_cmp).1
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geom::{PixelGrid, Rect};
+
+    fn image_with(spots: &[(f64, f64, f64)]) -> Image {
+        let area = Rect::new(Point::new(0.0, 0.0), Point::new(20.0, 10.0));
+        let mut image = Image::zeros(PixelGrid { area, columns: 40, rows: 20 });
+        for pixel in 0..image.grid.len() {
+            let at = image.grid.centre(pixel);
+            let noise = 0.01 * ((pixel * 31 % 17) as f64 - 8.0) / 8.0;
+            let bump = |(x_m, y_m, height): &(f64, f64, f64)| {
+                height * (-at.distance_to(Point::new(*x_m, *y_m)).powi(2) / 0.5).exp()
+            };
+            image.values[pixel] = noise + spots.iter().map(bump).sum::<f64>();
+        }
+        image
+    }
+
+    const SETTINGS: PeakSettings = PeakSettings { rim_m: 1.5, separation_m: 3.0, limit: 2 };
+
+    #[test]
+    fn two_objects_are_found_strongest_first() {
+        let found = peaks(&image_with(&[(5.1, 5.2, 1.0), (14.0, 3.9, 2.0)]), SETTINGS);
+        assert_eq!(found.len(), 2);
+        assert!(found[0].at.distance_to(Point::new(14.0, 3.9)) < 0.1, "{:?}", found[0]);
+        assert!(found[1].at.distance_to(Point::new(5.1, 5.2)) < 0.1, "{:?}", found[1]);
+        assert!(found[1].significance > 20.0);
+    }
+
+    #[test]
+    fn the_rim_and_the_surroundings_of_a_peak_hold_no_peak() {
+        let found = peaks(
+            &image_with(&[(0.6, 5.0, 9.0), (8.0, 5.0, 2.0), (9.5, 5.0, 1.9), (15.0, 5.0, 1.0)]),
+            SETTINGS,
+        );
+        assert!(found[0].at.distance_to(Point::new(8.7, 5.0)) < 1.0);
+        assert!(found[1].at.distance_to(Point::new(15.0, 5.0)) < 0.2);
+    }
+
+    #[test]
+    fn an_image_without_attenuation_has_no_peak() {
+        let mut image = image_with(&[]);
+        image.values.fill(-1.0);
+        assert!(peaks(&image, SETTINGS).is_empty());
+    }
+}

@@ -1,0 +1,435 @@
+//! How much each pixel weighs in each link: the forward model of the image.
+//!
+//! Rows are kept as runs of neighbouring pixels (a sparse matrix whose inner loops run over contiguous memory).
+//! Models: rti.md section 1.2. Nothing is known here of noise or of solving.
+
+use crate::geom::{PixelGrid, Point, Segment};
+
+/// The weight of a pixel by its excess path e = |from − c| + |c − to| − d.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub enum WeightModel {
+    /// The length of the link inside the pixel (Siddon 1985).
+    Line,
+    /// d^−½ where e < width (Wilson & Patwari 2010, eq. 12).
+    Ellipse {
+        /// Largest excess path, metres.
+        width_m: f64,
+    },
+    /// One over the area of the ellipse through the pixel, where e < width (Hamilton et al. 2014), times the pixel's area.
+    InverseArea {
+        /// Largest excess path, metres; the smallest is a fiftieth of it.
+        width_m: f64,
+    },
+    /// exp(−e² / 2 sd²), cut where it falls under 10⁻⁴.
+    Gaussian {
+        /// Standard deviation, metres.
+        sd_m: f64,
+    },
+    /// exp(−e / decay), cut where it falls under 10⁻⁴.
+    Exponential {
+        /// Decay length, metres.
+        decay_m: f64,
+    },
+}
+
+/// ln 10⁴: where the soft models are cut.
+const CUT: f64 = 9.21;
+
+impl WeightModel {
+    /// Gives the largest excess path that weighs anything, metres; 0 for the line.
+    fn reach_m(self) -> f64 {
+        match self {
+            WeightModel::Line => 0.0,
+            WeightModel::Ellipse { width_m } | WeightModel::InverseArea { width_m } => width_m,
+            WeightModel::Gaussian { sd_m } => sd_m * (2.0 * CUT).sqrt(),
+            WeightModel::Exponential { decay_m } => decay_m * CUT,
+        }
+    }
+
+    /// Gives the weight at an excess path for a link of length `d_m`, before rescaling.
+    fn weight(self, excess_m: f64, d_m: f64, pixel_m2: f64) -> f64 {
+        match self {
+            WeightModel::Line => 0.0,
+            WeightModel::Ellipse { .. } => 1.0 / d_m.sqrt(),
+            WeightModel::InverseArea { width_m } => {
+                pixel_m2 / ellipse_area_m2(excess_m.max(width_m / 50.0), d_m)
+            }
+            WeightModel::Gaussian { sd_m } => libm::exp(-excess_m * excess_m / (2.0 * sd_m * sd_m)),
+            WeightModel::Exponential { decay_m } => libm::exp(-excess_m / decay_m),
+        }
+    }
+}
+
+/// A(e) = π/4 (d + e) √(e² + 2de).
+fn ellipse_area_m2(excess_m: f64, d_m: f64) -> f64 {
+    std::f64::consts::FRAC_PI_4 * (d_m + excess_m) * (excess_m * excess_m + 2.0 * d_m * excess_m).sqrt()
+}
+
+/// A run of neighbouring pixels of one row of the matrix.
+#[derive(Clone, Copy, PartialEq, Debug)]
+struct Run {
+    first_pixel: u32,
+    first_value: u32,
+    length: u32,
+}
+
+/// Sparse weights: rows = links, columns = pixels (row-major, south-west first), metres after rescaling.
+#[derive(Clone, PartialEq, Debug, Default)]
+pub struct WeightRows {
+    row_starts: Vec<u32>,
+    runs: Vec<Run>,
+    values: Vec<f64>,
+}
+
+impl WeightRows {
+    /// Makes a matrix without rows.
+    pub fn new() -> WeightRows {
+        WeightRows { row_starts: vec![0], runs: Vec::new(), values: Vec::new() }
+    }
+
+    /// Builds one row per link, each rescaled to sum to the link's length inside the grid's area, so that an
+    /// image is in dB/m for every model. A link outside the area has an empty row.
+    pub fn rescaled(
+        links: impl IntoIterator<Item = Segment>,
+        grid: &PixelGrid,
+        model: WeightModel,
+    ) -> WeightRows {
+        let mut rows = WeightRows::new();
+        for link in links {
+            let first = rows.values.len();
+            rows.push(link, grid, model);
+            let sum: f64 = rows.values[first..].iter().sum();
+            let factor = if sum > 0.0 { length_inside_m(link, grid) / sum } else { 0.0 };
+            rows.values[first..].iter_mut().for_each(|value| *value *= factor);
+        }
+        rows
+    }
+
+    /// Appends the row of one link, as the model gives it (not rescaled).
+    pub fn push(&mut self, link: Segment, grid: &PixelGrid, model: WeightModel) {
+        let d_m = link.length_m();
+        if d_m > 0.0 && d_m.is_finite() {
+            match model {
+                WeightModel::Line => self.push_line(link, grid),
+                WeightModel::Ellipse { .. }
+                | WeightModel::InverseArea { .. }
+                | WeightModel::Gaussian { .. }
+                | WeightModel::Exponential { .. } => self.push_ellipse(link, grid, model),
+            }
+        }
+        self.row_starts.push(self.runs.len() as u32);
+    }
+
+    fn push_line(&mut self, link: Segment, grid: &PixelGrid) {
+        let mut chords = chords(link, grid);
+        chords.sort_by_key(|(pixel, _)| *pixel);
+        for (pixel, length_m) in chords {
+            self.push_value(pixel, length_m, true);
+        }
+    }
+
+    /// Appends a value; it joins the last run where the pixels are neighbours and the run is of this row.
+    fn push_value(&mut self, pixel: u32, value: f64, may_join: bool) {
+        let row_start = self.row_starts[self.row_starts.len() - 1] as usize;
+        if let (true, Some(run)) = (may_join, self.runs[row_start..].last_mut()) {
+            if run.first_pixel + run.length == pixel {
+                run.length += 1;
+                self.values.push(value);
+                return;
+            }
+            if run.first_pixel + run.length == pixel + 1 {
+                self.values[(run.first_value + run.length) as usize - 1] += value;
+                return;
+            }
+        }
+        self.runs.push(Run { first_pixel: pixel, first_value: self.values.len() as u32, length: 1 });
+        self.values.push(value);
+    }
+
+    /// Walks only the pixels within the ellipse of the model's reach, one run per pixel row.
+    fn push_ellipse(&mut self, link: Segment, grid: &PixelGrid, model: WeightModel) {
+        let (d_m, reach_m) = (link.length_m(), model.reach_m());
+        let pixel_m2 = grid.dx_m() * grid.dy_m();
+        for row in 0..grid.rows {
+            let y_m = grid.centre(grid.index(0, row)).y_m;
+            let Some((low_m, high_m)) = ellipse_span(link, reach_m, y_m) else {
+                continue;
+            };
+            let column = |x_m: f64| (x_m - grid.area.min.x_m) / grid.dx_m() - 0.5;
+            let first = libm::floor(column(low_m)).max(0.0) as usize;
+            let last = libm::ceil(column(high_m)).min(grid.columns as f64 - 1.0);
+            let mut joined = false;
+            for column in first..=(if last < 0.0 { continue } else { last as usize }) {
+                let pixel = grid.index(column, row);
+                let excess_m = excess_path_m(link, grid.centre(pixel));
+                if excess_m < reach_m {
+                    self.push_value(pixel as u32, model.weight(excess_m, d_m, pixel_m2), joined);
+                    joined = true;
+                }
+            }
+        }
+    }
+
+    /// Gives the number of rows (links).
+    pub fn len(&self) -> usize {
+        self.row_starts.len().saturating_sub(1)
+    }
+
+    /// Tells whether there are no rows.
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
+    /// Gives the pixels and weights of a row.
+    pub fn row(&self, row: usize) -> impl Iterator<Item = (usize, f64)> + '_ {
+        self.runs_of(row).iter().flat_map(move |run| {
+            let values = self.values_of(*run);
+            (run.first_pixel as usize..).zip(values.iter().copied())
+        })
+    }
+
+    /// Gives W x: one value per link.
+    pub fn forward(&self, image: &[f64], links: &mut [f64]) {
+        for (row, link) in links.iter_mut().enumerate() {
+            *link = self
+                .runs_of(row)
+                .iter()
+                .map(|run| {
+                    let first = run.first_pixel as usize;
+                    dot(self.values_of(*run), &image[first..first + run.length as usize])
+                })
+                .sum();
+        }
+    }
+
+    /// Gives Wᵀ a: one value per pixel.
+    pub fn backward(&self, links: &[f64], image: &mut [f64]) {
+        image.fill(0.0);
+        for (row, link) in links.iter().enumerate() {
+            for run in self.runs_of(row) {
+                let first = run.first_pixel as usize;
+                let pixels = &mut image[first..first + run.length as usize];
+                pixels.iter_mut().zip(self.values_of(*run)).for_each(|(pixel, value)| *pixel += link * value);
+            }
+        }
+    }
+
+    fn runs_of(&self, row: usize) -> &[Run] {
+        &self.runs[self.row_starts[row] as usize..self.row_starts[row + 1] as usize]
+    }
+
+    fn values_of(&self, run: Run) -> &[f64] {
+        &self.values[run.first_value as usize..(run.first_value + run.length) as usize]
+    }
+}
+
+/// Scalar product with four independent sums, so that it does not wait for each addition.
+fn dot(a: &[f64], b: &[f64]) -> f64 {
+    let (a_fours, b_fours) = (a.chunks_exact(4), b.chunks_exact(4));
+    let rest: f64 = a_fours.remainder().iter().zip(b_fours.remainder()).map(|(x, y)| x * y).sum();
+    let mut sums = [0.0; 4];
+    for (x, y) in a_fours.zip(b_fours) {
+        for lane in 0..4 {
+            sums[lane] += x[lane] * y[lane];
+        }
+    }
+    (sums[0] + sums[1]) + (sums[2] + sums[3]) + rest
+}
+
+fn excess_path_m(link: Segment, at: Point) -> f64 {
+    (link.from.distance_to(at) + at.distance_to(link.to) - link.length_m()).max(0.0)
+}
+
+/// Gives the span of x in which a horizontal line lies inside the ellipse of points with excess path under `reach_m`.
+fn ellipse_span(link: Segment, reach_m: f64, y_m: f64) -> Option<(f64, f64)> {
+    let d_m = link.length_m();
+    let middle = link.from.toward(link.to, 0.5);
+    let (ux, uy) = (link.vector().x_m / d_m, link.vector().y_m / d_m);
+    let long = 4.0 / ((d_m + reach_m) * (d_m + reach_m));
+    let wide = 4.0 / (reach_m * reach_m + 2.0 * reach_m * d_m);
+    let up_m = y_m - middle.y_m;
+    let square = ux * ux * long + uy * uy * wide;
+    let half_linear = ux * uy * up_m * (long - wide);
+    let constant = up_m * up_m * (uy * uy * long + ux * ux * wide) - 1.0;
+    let root = half_linear * half_linear - square * constant;
+    if root < 0.0 {
+        return None;
+    }
+    let (centre, half) = (middle.x_m - half_linear / square, root.sqrt() / square);
+    Some((centre - half, centre + half))
+}
+
+/// Gives the shares of the link at which it enters and leaves the grid's area (Liang & Barsky 1984).
+fn shares_inside(link: Segment, grid: &PixelGrid) -> Option<(f64, f64)> {
+    let (vector, area) = (link.vector(), grid.area);
+    let axes = [
+        (link.from.x_m, vector.x_m, area.min.x_m, area.max.x_m),
+        (link.from.y_m, vector.y_m, area.min.y_m, area.max.y_m),
+    ];
+    let (mut enter, mut leave) = (0.0f64, 1.0f64);
+    for (start, step, low, high) in axes {
+        if step == 0.0 {
+            if start < low || start > high {
+                return None;
+            }
+            continue;
+        }
+        let (a, b) = ((low - start) / step, (high - start) / step);
+        enter = enter.max(a.min(b));
+        leave = leave.min(a.max(b));
+    }
+    (enter < leave).then_some((enter, leave))
+}
+
+fn length_inside_m(link: Segment, grid: &PixelGrid) -> f64 {
+    shares_inside(link, grid).map_or(0.0, |(enter, leave)| (leave - enter) * link.length_m())
+}
+
+/// Gives the pixels under a link and the length in each, metres (Siddon 1985: cut at all grid lines, sort).
+fn chords(link: Segment, grid: &PixelGrid) -> Vec<(u32, f64)> {
+    let Some((enter, leave)) = shares_inside(link, grid) else {
+        return Vec::new();
+    };
+    let (vector, area) = (link.vector(), grid.area);
+    let mut shares = vec![enter, leave];
+    let mut cut = |start: f64, step: f64, low: f64, pitch: f64, count: usize| {
+        if step != 0.0 {
+            let lines = (0..=count).map(|line| (low + pitch * line as f64 - start) / step);
+            shares.extend(lines.filter(|share| *share > enter && *share < leave));
+        }
+    };
+    cut(link.from.x_m, vector.x_m, area.min.x_m, grid.dx_m(), grid.columns);
+    cut(link.from.y_m, vector.y_m, area.min.y_m, grid.dy_m(), grid.rows);
+    shares.sort_by(f64::total_cmp);
+    let index =
+        |offset_m: f64, pitch: f64, count: usize| ((offset_m / pitch).max(0.0) as usize).min(count - 1);
+    shares
+        .windows(2)
+        .map(|pair| {
+            let middle = link.from.toward(link.to, 0.5 * (pair[0] + pair[1]));
+            let column = index(middle.x_m - area.min.x_m, grid.dx_m(), grid.columns);
+            let row = index(middle.y_m - area.min.y_m, grid.dy_m(), grid.rows);
+            (grid.index(column, row) as u32, (pair[1] - pair[0]) * link.length_m())
+        })
+        .filter(|(_, length_m)| *length_m > 0.0)
+        .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geom::Rect;
+    use proptest::prelude::*;
+
+    fn grid(columns: usize, rows: usize, width_m: f64, height_m: f64) -> PixelGrid {
+        PixelGrid { area: Rect::new(Point::new(0.0, 0.0), Point::new(width_m, height_m)), columns, rows }
+    }
+
+    fn link(x0: f64, y0: f64, x1: f64, y1: f64) -> Segment {
+        Segment::new(Point::new(x0, y0), Point::new(x1, y1))
+    }
+
+    fn dense(model: WeightModel, link: Segment, grid: &PixelGrid) -> Vec<f64> {
+        let mut rows = WeightRows::new();
+        rows.push(link, grid, model);
+        let mut image = vec![0.0; grid.len()];
+        rows.row(0).for_each(|(pixel, weight)| image[pixel] += weight);
+        image
+    }
+
+    /// facts.json, weights-001.
+    #[test]
+    fn the_ellipse_model_gives_the_known_row() {
+        let got =
+            dense(WeightModel::Ellipse { width_m: 0.3 }, link(0.0, 0.0, 4.0, 4.0), &grid(4, 4, 4.0, 4.0));
+        let w = 0.4204482076268573;
+        let expected = [w, w, 0.0, 0.0, w, w, w, 0.0, 0.0, w, w, w, 0.0, 0.0, w, w];
+        for (got, expected) in got.iter().zip(expected) {
+            assert!((got - expected).abs() < 1e-9, "{got} {expected}");
+        }
+    }
+
+    /// facts.json, weights-007; pixels under the cut of 1e-4 are left out.
+    #[test]
+    fn the_gaussian_model_gives_the_known_row() {
+        let got = dense(WeightModel::Gaussian { sd_m: 0.3 }, link(0.0, 0.0, 4.0, 2.0), &grid(4, 4, 4.0, 4.0));
+        let expected = [
+            0.9898476920150027,
+            0.9966765751133034,
+            0.8030568290156612,
+            0.09946679033337967,
+            0.09946679033337967,
+            0.8030568290156612,
+            0.9966765751133034,
+            0.9898476920150027,
+            5.288197571015294e-07,
+            0.004184398309593163,
+            0.09946679033337967,
+            0.20252664627507122,
+        ];
+        for (got, expected) in got.iter().zip(expected) {
+            let tolerance = if expected < 1e-4 { 1e-4 } else { 1e-9 };
+            assert!((got - expected).abs() < tolerance, "{got} {expected}");
+        }
+    }
+
+    #[test]
+    fn a_line_is_cut_at_pixel_borders() {
+        let got = dense(WeightModel::Line, link(0.0, 0.5, 3.0, 0.5), &grid(4, 2, 4.0, 2.0));
+        assert_eq!(got, [1.0, 1.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0]);
+        let diagonal = dense(WeightModel::Line, link(0.0, 0.0, 2.0, 2.0), &grid(2, 2, 2.0, 2.0));
+        for (got, expected) in diagonal.iter().zip([2.0f64.sqrt(), 0.0, 0.0, 2.0f64.sqrt()]) {
+            assert!((got - expected).abs() < 1e-9);
+        }
+    }
+
+    proptest! {
+        #[test]
+        fn rows_sum_to_the_length_inside(
+            x0 in -2.0..8.0f64, y0 in -2.0..8.0f64, x1 in -2.0..8.0f64, y1 in -2.0..8.0f64,
+        ) {
+            let (grid, link) = (grid(12, 10, 6.0, 5.0), link(x0, y0, x1, y1));
+            // Counted by walking, independently of the clipping.
+            let steps = 20_000;
+            let inside = (0..steps).filter(|step| {
+                grid.area.contains(link.from.toward(link.to, (f64::from(*step) + 0.5) / f64::from(steps)))
+            }).count();
+            let expected_m = link.length_m() * inside as f64 / f64::from(steps);
+            let line: f64 = dense(WeightModel::Line, link, &grid).iter().sum();
+            prop_assert!((line - expected_m).abs() < 2e-3, "{line} {expected_m}");
+            let rows = WeightRows::rescaled([link], &grid, WeightModel::InverseArea { width_m: 0.3 });
+            let sum: f64 = rows.row(0).map(|(_, weight)| weight).sum();
+            prop_assert!(sum == 0.0 || (sum - expected_m).abs() < 2e-3, "{sum} {expected_m}");
+        }
+
+        #[test]
+        fn every_pixel_within_reach_is_in_the_row(
+            x0 in 0.0..6.0f64, y0 in 0.0..5.0f64, x1 in 0.0..6.0f64, y1 in 0.0..5.0f64,
+        ) {
+            let (grid, link) = (grid(12, 10, 6.0, 5.0), link(x0, y0, x1, y1));
+            prop_assume!(link.length_m() > 0.1);
+            let got = dense(WeightModel::Ellipse { width_m: 0.4 }, link, &grid);
+            for (pixel, weight) in got.iter().enumerate() {
+                let centre = grid.centre(pixel);
+                let way_m = link.from.distance_to(centre) + centre.distance_to(link.to);
+                prop_assert_eq!(*weight > 0.0, way_m - link.length_m() < 0.4);
+            }
+        }
+
+        #[test]
+        fn backward_is_the_transpose_of_forward(
+            x0 in 0.0..6.0f64, y0 in 0.0..5.0f64, x1 in 0.0..6.0f64, y1 in 0.0..5.0f64, a in -3.0..3.0f64,
+        ) {
+            let grid = grid(12, 10, 6.0, 5.0);
+            let links = [link(x0, y0, x1, y1), link(0.0, 1.0, 6.0, 4.0)];
+            let rows = WeightRows::rescaled(links, &grid, WeightModel::InverseArea { width_m: 0.3 });
+            let image: Vec<f64> = (0..grid.len()).map(|pixel| (pixel % 7) as f64 - 2.0).collect();
+            let (mut forward, mut backward) = ([0.0; 2], vec![0.0; grid.len()]);
+            rows.forward(&image, &mut forward);
+            rows.backward(&[a, 1.0], &mut backward);
+            let left = a * forward[0] + forward[1];
+            let right: f64 = backward.iter().zip(&image).map(|(x, y)| x * y).sum();
+            prop_assert!((left - right).abs() < 1e-9 * (1.0 + left.abs()));
+        }
+    }
+}
