@@ -1,4 +1,5 @@
 //! Subcommands as types, one file each; the only layer that touches files and the terminal.
+<<<<<<< HEAD
 //!
 //! [`run`] parses the command line, runs the command, prints what went wrong and gives the exit code: 0 done,
 //! 1 fault or mission failed, 2 bad usage, config or scene.
@@ -70,3 +71,8 @@ fn fail(error: &CliError) -> ExitCode {
     eprintln!("tomoswarm: {error}");
     ExitCode::from(error.exit_code())
 }
+=======
+
+pub mod image;
+pub mod recording;
+>>>>>>> w-tomo

@@ -1,0 +1,71 @@
+//! How fast and how well two persons behind a wall are found.
+//!
+//! `cargo bench --bench imaging -- SEEDS [FIRST]`: share of seeds with both persons within 1 m, the worst seeds,
+//! and the median times of a cold and of a warm reconstruction and of binning a packet.
+
+#[path = "../tests/image_world/mod.rs"]
+mod image_world;
+
+use std::time::Instant;
+
+use image_world::{SIDE_M, persons, sweep, worst_error_m};
+use tomoswarm::geom::{Point, Rect};
+use tomoswarm::tomo::{Imager, Link, LinkBins, Settings};
+
+#[expect(clippy::disallowed_methods, reason = "a bench measures time")]
+fn timed<T>(work: impl FnOnce() -> T) -> (T, f64) {
+    let start = Instant::now();
+    let result = work();
+    (result, start.elapsed().as_secs_f64() * 1e3)
+}
+
+fn median(mut values: Vec<f64>) -> f64 {
+    values.sort_by(f64::total_cmp);
+    values.get(values.len() / 2).copied().unwrap_or(f64::NAN)
+}
+
+fn main() {
+    let numbers: Vec<u64> = std::env::args().skip(1).filter_map(|word| word.parse().ok()).collect();
+    let seeds = numbers.first().copied().unwrap_or(20);
+    let first = numbers.get(1).copied().unwrap_or(0);
+    let settings = Settings::for_area(Rect::new(Point::new(0.0, 0.0), Point::new(SIDE_M, SIDE_M)));
+    let (mut cold_ms, mut warm_ms, mut links, mut missed) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
+    let mut errors_m = Vec::new();
+    for seed in first..first + seeds {
+        let truth = persons(seed);
+        let (empty, now) = (sweep(seed, 0, &[], 8).links(), sweep(seed, 1, &truth, 8).links());
+        let before = sweep(seed, 1, &truth, 7).links();
+        let Ok(mut imager) = Imager::new(settings) else { return };
+        let (result, cold) = timed(|| imager.update(&before, Some(&empty)));
+        let (again, warm) = timed(|| imager.update(&now, Some(&empty)));
+        let (Ok(_), Ok(result)) = (result, again) else { continue };
+        let places: Vec<Point> = result.peaks.iter().take(2).map(|peak| peak.at).collect();
+        let error_m = worst_error_m(&places, truth);
+        errors_m.push(error_m);
+        if error_m > 1.0 {
+            missed.push(format!("{seed}: {error_m:.1} m, significances {:.1?}, {truth:.1?}",
+                result.peaks.iter().map(|peak| peak.significance).collect::<Vec<_>>()));
+        }
+        cold_ms.push(cold);
+        warm_ms.push(warm);
+        links.push(result.used as f64);
+    }
+    let found = errors_m.iter().filter(|error_m| **error_m <= 1.0).count();
+    println!("both persons within 1 m: {found} of {seeds} seeds ({:.1} %)", 100.0 * found as f64 / seeds as f64);
+    println!("median error of the worse one: {:.2} m; median links: {}", median(errors_m), median(links));
+    println!("median time: cold {:.1} ms (7 laps), warm {:.1} ms (8 laps)", median(cold_ms), median(warm_ms));
+    missed.iter().for_each(|line| println!("missed {line}"));
+    bin_packets();
+}
+
+/// Prints what binning a packet costs.
+fn bin_packets() {
+    let links: Vec<Link> = sweep(0, 0, &[], 8).links();
+    let mut bins = LinkBins::default();
+    let ((), ms) = timed(|| {
+        for round in 0..30 {
+            links.iter().for_each(|link| bins.record(link.from, link.to, Some(-60 - round)));
+        }
+    });
+    println!("binning: {:.2} us a packet", 1e3 * ms / (30.0 * links.len() as f64));
+}

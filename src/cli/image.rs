@@ -1,0 +1,405 @@
+//! `tomoswarm image`: reconstructs an image from recorded links.
+//!
+//! Files in, files out; the work is done by `tomo`. Outputs are opened before the work and appear under their
+//! names only when complete.
+
+use std::fs;
+use std::io::Write as _;
+use std::path::{Path, PathBuf};
+
+use clap::{Args, ValueEnum};
+use serde_json::{Value, json};
+
+use crate::geom::{PixelGrid, Point, Rect};
+use crate::tomo::{
+    Image, Link, LinkBins, MOST_PIXELS, Reconstruction, SPOT_M, Settings, Solver, TomoError, WeightModel,
+    npy_bytes, reconstruct,
+};
+
+use super::recording::{LengthUnit, Recording, RecordingError, read_recording};
+
+/// Reconstructs an image from recorded links.
+///
+/// Reads CSV files (header tx_x_m,tx_y_m,rx_x_m,rx_y_m,packets,rssi_dbm; packets may be missing), links.csv files
+/// written by tomoswarm, and JSON recordings of the 2016 two-rover system. Several files are pooled. With --empty
+/// the image shows what changed since the empty sweep; without it, all that stands in the area.
+#[derive(Args, Clone, Debug)]
+#[command(after_help = "Examples:\n  tomoswarm image links.csv --empty empty.csv --png image.png\n  \
+    tomoswarm image dump.json --json result.json --peaks 1")]
+pub struct ImageCommand {
+    /// Recordings of the sweep
+    #[arg(required = true, value_name = "FILE")]
+    pub files: Vec<PathBuf>,
+    /// A recording of the same area while nobody was inside; may be given several times
+    #[arg(long, value_name = "FILE")]
+    pub empty: Vec<PathBuf>,
+    /// How the image is found
+    #[arg(long, value_enum, default_value_t = SolverName::Map)]
+    pub solver: SolverName,
+    /// How pixels weigh in links [default: inverse-area for map, line for tikhonov]
+    #[arg(long, value_enum)]
+    pub weights: Option<WeightsName>,
+    /// Pixels from west to east and from south to north [default: 40 along the longer side]
+    #[arg(long, value_name = "WxH", value_parser = parse_pixels)]
+    pub pixels: Option<(usize, usize)>,
+    /// What is imaged, in the units of the input [default: what the positions enclose]
+    #[arg(long, value_name = "X0,Y0,X1,Y1", value_parser = parse_area, allow_hyphen_values = true)]
+    pub area: Option<Rect>,
+    /// Writes a picture
+    #[arg(long, value_name = "FILE")]
+    pub png: Option<PathBuf>,
+    /// Writes the values: f32, rows from south to north, columns from west to east, dB per unit of length
+    #[arg(long, value_name = "FILE")]
+    pub npy: Option<PathBuf>,
+    /// Writes peaks, residual, links used and dropped, and settings
+    #[arg(long, value_name = "FILE")]
+    pub json: Option<PathBuf>,
+    /// Most peaks that are listed
+    #[arg(long, value_name = "N", default_value_t = 5)]
+    pub peaks: usize,
+}
+
+/// The solvers by name.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, ValueEnum)]
+pub enum SolverName {
+    /// Most probable image under a smooth prior, with robust noise
+    Map,
+    /// Least squares with smoothness, the classical reference
+    Tikhonov,
+}
+
+/// The weight models by name.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, ValueEnum)]
+pub enum WeightsName {
+    /// Length of the link in the pixel
+    Line,
+    /// Pixels within a narrow ellipse
+    Ellipse,
+    /// One over the area of the ellipse through the pixel
+    InverseArea,
+    /// A bell around the link
+    Gaussian,
+    /// An exponential fall from the link
+    Exponential,
+}
+
+impl WeightsName {
+    /// Gives the model with the width that suits 40 pixels on the longer side of an area.
+    fn model(self, extent: f64) -> WeightModel {
+        let width_m = 0.015 * extent;
+        match self {
+            WeightsName::Line => WeightModel::Line,
+            WeightsName::Ellipse => WeightModel::Ellipse { width_m },
+            WeightsName::InverseArea => WeightModel::InverseArea { width_m },
+            WeightsName::Gaussian => WeightModel::Gaussian { sd_m: width_m },
+            WeightsName::Exponential => WeightModel::Exponential { decay_m: width_m / 3.0 },
+        }
+    }
+}
+
+/// Why there is no image. Each ends the program with exit code 2.
+#[derive(Debug, thiserror::Error)]
+pub enum ImageError {
+    /// A file that cannot be read.
+    #[error("{}: {source}, expected a readable recording", path.display())]
+    Unreadable {
+        /// The file.
+        path: PathBuf,
+        /// What the system says.
+        source: std::io::Error,
+    },
+    /// A file that is not as expected.
+    #[error("{}:{problem}", path.display())]
+    Recording {
+        /// The file.
+        path: PathBuf,
+        /// Line, what was found, what was expected.
+        problem: RecordingError,
+    },
+    /// Files in different units.
+    #[error("{}: found positions in {found}, expected {expected} as in the first file", path.display())]
+    MixedUnits {
+        /// The file.
+        path: PathBuf,
+        /// Its unit.
+        found: &'static str,
+        /// The first file's unit.
+        expected: &'static str,
+    },
+    /// An output that cannot be written.
+    #[error("{}: {source}, expected a file that can be written", path.display())]
+    Unwritable {
+        /// The file.
+        path: PathBuf,
+        /// What the system says.
+        source: std::io::Error,
+    },
+    /// Data without an image.
+    #[error("{}: {problem}", path.display())]
+    NoImage {
+        /// The first file.
+        path: PathBuf,
+        /// Why.
+        problem: TomoError,
+    },
+}
+
+impl ImageCommand {
+    /// Reads, reconstructs, writes, and prints a summary.
+    ///
+    /// # Errors
+    /// [`ImageError`]; nothing is written then.
+    pub fn run(&self) -> Result<(), ImageError> {
+        let outputs = Outputs::open(self)?;
+        let (now, unit) = read_files(&self.files, None)?;
+        let (empty, _) = read_files(&self.empty, Some(unit))?;
+        let settings = self.settings(now.iter().chain(&empty));
+        let now = binned(&now, settings.pairing_m);
+        let empty = binned(&empty, settings.pairing_m);
+        let empty = (!self.empty.is_empty()).then_some(empty.as_slice());
+        let result = reconstruct(&now, empty, &settings)
+            .map_err(|problem| ImageError::NoImage { path: self.files[0].clone(), problem })?;
+        outputs.write(&result, &settings, unit)?;
+        print_summary(&result, unit);
+        Ok(())
+    }
+
+    fn settings<'a>(&self, links: impl Iterator<Item = &'a Link>) -> Settings {
+        let ring = bounds(links);
+        let area = self.area.unwrap_or(ring);
+        let mut settings = Settings::for_area(area);
+        settings.ring = ring;
+        if let Some((columns, rows)) = self.pixels {
+            settings.grid = PixelGrid { area, columns, rows };
+        }
+        let (solver, usual) = match self.solver {
+            SolverName::Map => (settings.solver, WeightsName::InverseArea),
+            SolverName::Tikhonov => (Settings::tikhonov_for(area), WeightsName::Line),
+        };
+        settings.solver = solver;
+        settings.weights = self.weights.unwrap_or(usual).model(area.width_m().max(area.height_m()));
+        settings.peaks.limit = self.peaks;
+        settings
+    }
+}
+
+fn parse_pixels(text: &str) -> Result<(usize, usize), String> {
+    let expected = || format!("expected WIDTHxHEIGHT such as 40x40, 1 to {MOST_PIXELS} pixels in all");
+    let (columns, rows) = text.split_once(['x', 'X']).ok_or_else(expected)?;
+    let count =
+        |part: &str| part.trim().parse::<usize>().ok().filter(|count| *count > 0).ok_or_else(expected);
+    let (columns, rows) = (count(columns)?, count(rows)?);
+    let pixels = columns.checked_mul(rows).filter(|pixels| *pixels <= MOST_PIXELS);
+    pixels.map(|_| (columns, rows)).ok_or_else(expected)
+}
+
+fn parse_area(text: &str) -> Result<Rect, String> {
+    let numbers: Vec<f64> = text.split(',').filter_map(|part| part.trim().parse().ok()).collect();
+    match numbers[..] {
+        [x0, y0, x1, y1]
+            if text.split(',').count() == 4 && x0 < x1 && y0 < y1 && (x1 - x0 + y1 - y0).is_finite() =>
+        {
+            Ok(Rect::new(Point::new(x0, y0), Point::new(x1, y1)))
+        }
+        _ => Err("expected X0,Y0,X1,Y1 such as 0,0,20,20, the south-west corner first".to_owned()),
+    }
+}
+
+fn read_file(path: &Path) -> Result<Recording, ImageError> {
+    let bytes = fs::read(path).map_err(|source| ImageError::Unreadable { path: path.to_owned(), source })?;
+    read_recording(&bytes).map_err(|problem| ImageError::Recording { path: path.to_owned(), problem })
+}
+
+/// Reads files that must all have one unit: the given one, else that of the first.
+fn read_files(
+    paths: &[PathBuf],
+    expected: Option<LengthUnit>,
+) -> Result<(Vec<Link>, LengthUnit), ImageError> {
+    let (mut links, mut unit) = (Vec::new(), expected);
+    for path in paths {
+        let recording = read_file(path)?;
+        let expected = *unit.get_or_insert(recording.unit);
+        if recording.unit != expected {
+            let (found, expected) = (recording.unit.word(), expected.word());
+            return Err(ImageError::MixedUnits { path: path.clone(), found, expected });
+        }
+        links.extend(recording.links);
+    }
+    Ok((links, unit.unwrap_or(LengthUnit::Metre)))
+}
+
+/// Gives the rectangle around all positions.
+fn bounds<'a>(links: impl Iterator<Item = &'a Link>) -> Rect {
+    let ends = links.flat_map(|link| [link.from, link.to]);
+    ends.map(|at| Rect::new(at, at))
+        .reduce(|a, b| {
+            let low = Point::new(a.min.x_m.min(b.min.x_m), a.min.y_m.min(b.min.y_m));
+            Rect::new(low, Point::new(a.max.x_m.max(b.max.x_m), a.max.y_m.max(b.max.y_m)))
+        })
+        .unwrap_or(Rect::new(Point::default(), Point::default()))
+}
+
+/// Pools what lies in the same bins.
+fn binned(links: &[Link], bin_m: f64) -> Vec<Link> {
+    if bin_m <= 0.0 {
+        return links.to_vec();
+    }
+    let mut bins = LinkBins::new(bin_m, SPOT_M.min(bin_m / 8.0));
+    links.iter().for_each(|link| bins.record_link(link));
+    bins.links()
+}
+
+/// The files that will be written, already open under temporary names.
+#[derive(Default)]
+struct Outputs {
+    png: Option<PendingFile>,
+    npy: Option<PendingFile>,
+    json: Option<PendingFile>,
+}
+
+impl Outputs {
+    fn open(command: &ImageCommand) -> Result<Outputs, ImageError> {
+        let open = |path: &Option<PathBuf>| path.as_deref().map(PendingFile::open).transpose();
+        Ok(Outputs { png: open(&command.png)?, npy: open(&command.npy)?, json: open(&command.json)? })
+    }
+
+    /// Writes all, then gives all their names.
+    fn write(
+        mut self,
+        result: &Reconstruction,
+        settings: &Settings,
+        unit: LengthUnit,
+    ) -> Result<(), ImageError> {
+        let fill = |file: &mut Option<PendingFile>, bytes: &dyn Fn() -> Vec<u8>| match file {
+            Some(file) => file.fill(&bytes()),
+            None => Ok(()),
+        };
+        fill(&mut self.png, &|| picture(&result.image))?;
+        fill(&mut self.npy, &|| npy_bytes(&result.image))?;
+        fill(&mut self.json, &|| format!("{:#}\n", report(result, settings, unit)).into_bytes())?;
+        [self.png, self.npy, self.json].into_iter().flatten().try_for_each(PendingFile::finish)
+    }
+}
+
+/// A file under a temporary name in its folder; it gets its name when complete and vanishes otherwise.
+struct PendingFile {
+    path: PathBuf,
+    temporary: PathBuf,
+    file: fs::File,
+}
+
+impl PendingFile {
+    fn open(path: &Path) -> Result<PendingFile, ImageError> {
+        let failed = |source| ImageError::Unwritable { path: path.to_owned(), source };
+        let name = path.file_name().ok_or_else(|| failed(std::io::ErrorKind::IsADirectory.into()))?;
+        if path.is_dir() {
+            return Err(failed(std::io::ErrorKind::IsADirectory.into()));
+        }
+        let mut hidden = std::ffi::OsString::from(".");
+        hidden.push(name);
+        hidden.push(format!(".{}.part", std::process::id()));
+        let temporary = path.with_file_name(hidden);
+        let file = fs::File::create(&temporary).map_err(failed)?;
+        Ok(PendingFile { path: path.to_owned(), temporary, file })
+    }
+
+    fn fill(&mut self, bytes: &[u8]) -> Result<(), ImageError> {
+        let path = self.path.clone();
+        self.file.write_all(bytes).map_err(|source| ImageError::Unwritable { path, source })
+    }
+
+    fn finish(self) -> Result<(), ImageError> {
+        let path = self.path.clone();
+        fs::rename(&self.temporary, &self.path).map_err(|source| ImageError::Unwritable { path, source })
+    }
+}
+
+impl Drop for PendingFile {
+    fn drop(&mut self) {
+        // After the renaming there is nothing left to remove, and that is fine.
+        let _ = fs::remove_file(&self.temporary);
+    }
+}
+
+/// Gives the PNG of an image. (The one line to change when `draw` draws it with axes and a colour bar.)
+fn picture(image: &Image) -> Vec<u8> {
+    plain_png(image)
+}
+
+/// Draws grey values, north up, a block of pixels for each; white is the strongest attenuation.
+fn plain_png(image: &Image) -> Vec<u8> {
+    let (rows, columns) = (image.grid.rows, image.grid.columns);
+    let block = (400 / rows.max(columns)).max(1);
+    let (_, highest) = image.range();
+    let grey = |value: f64| (255.0 * (value / highest.max(1e-9)).clamp(0.0, 1.0)) as u8;
+    let mut pixels = Vec::with_capacity(rows * columns * block * block);
+    for y in 0..rows * block {
+        let row = rows - 1 - y / block;
+        pixels.extend((0..columns * block).map(|x| grey(image.values[image.grid.index(x / block, row)])));
+    }
+    let mut bytes = Vec::new();
+    let mut encoder = png::Encoder::new(&mut bytes, (columns * block) as u32, (rows * block) as u32);
+    encoder.set_color(png::ColorType::Grayscale);
+    encoder.set_depth(png::BitDepth::Eight);
+    let written = encoder.write_header().and_then(|mut writer| writer.write_image_data(&pixels));
+    debug_assert!(written.is_ok(), "writing to memory cannot fail");
+    bytes
+}
+
+/// Gives the content of the JSON output.
+fn report(result: &Reconstruction, settings: &Settings, unit: LengthUnit) -> Value {
+    let peaks: Vec<Value> = result
+        .peaks
+        .iter()
+        .map(|peak| {
+            let significance = peak.significance.min(1e9);
+            json!({"x": peak.at.x_m, "y": peak.at.y_m, "strength": peak.strength, "significance": significance})
+        })
+        .collect();
+    let dropped: Vec<Value> = result
+        .dropped
+        .iter()
+        .map(|(reason, count)| json!({"reason": reason.words(), "links": count}))
+        .collect();
+    let law = result.path_loss.map(|law| {
+        json!({"p0_dbm": law.p0_dbm, "exponent": law.exponent, "residual_db": law.residual_db, "links": law.links})
+    });
+    let area = settings.grid.area;
+    let solver = match settings.solver {
+        Solver::Map(prior, _) => {
+            json!({"name": "map", "prior_variance": prior.variance, "prior_length": prior.length_m})
+        }
+        Solver::Tikhonov { alpha_m2 } => json!({"name": "tikhonov", "alpha": alpha_m2}),
+    };
+    json!({
+        "peaks": peaks,
+        "residual_rms_db": result.residual_rms_db,
+        "links": {"used": result.used, "dropped": dropped},
+        "path_loss": law,
+        "settings": {
+            "unit": unit.word(),
+            "area": [area.min.x_m, area.min.y_m, area.max.x_m, area.max.y_m],
+            "pixels": [settings.grid.columns, settings.grid.rows],
+            "solver": solver,
+            "weights": format!("{:?}", settings.weights),
+            "empty_sweep": result.by_empty_sweep,
+            "shortest_link": settings.shortest_link_m,
+            "rim": settings.peaks.rim_m,
+            "peak_separation": settings.peaks.separation_m,
+        },
+    })
+}
+
+fn print_summary(result: &Reconstruction, unit: LengthUnit) {
+    let unit = unit.word();
+    println!("links: {} used, residual {:.2} dB", result.used, result.residual_rms_db);
+    for (reason, count) in &result.dropped {
+        println!("  {count} dropped: {}", reason.words());
+    }
+    for peak in &result.peaks {
+        println!(
+            "peak at ({:.2}, {:.2}) {unit}: {:.2} dB/{unit}, {:.1} times the noise",
+            peak.at.x_m, peak.at.y_m, peak.strength, peak.significance
+        );
+    }
+}

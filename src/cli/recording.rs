@@ -1,0 +1,311 @@
+//! Reads recordings: CSV files of links and the JSON dumps of the 2016 two-rover system, told apart by content.
+//!
+//! Pure: bytes in, links out. Every mistake names the line (or packet), what was found and what was expected.
+
+use std::collections::BTreeMap;
+use std::fmt::Write as _;
+
+use serde::Deserialize;
+use serde_json::Value;
+
+use crate::geom::Point;
+use crate::tomo::Link;
+
+/// The header that a links file has at least.
+pub const CSV_HEADER: &str = "tx_x_m,tx_y_m,rx_x_m,rx_y_m,packets,rssi_dbm";
+/// The header of the links files that tomoswarm writes.
+pub const LINKS_HEADER: &str = "tx_x_m,tx_y_m,rx_x_m,rx_y_m,packets,rssi_dbm,spots,misses,spread_db";
+
+/// Farthest coordinate that is believed, metres.
+const FARTHEST_M: f64 = 1e7;
+/// Weakest and strongest signal that are believed, dBm.
+const STRENGTH_DBM: (f64, f64) = (-200.0, 40.0);
+
+/// What is wrong in a recording.
+#[derive(Clone, PartialEq, Eq, Debug, thiserror::Error)]
+#[error("{place}found {found}, expected {expected}")]
+pub struct RecordingError {
+    /// Where: `"17: "` for a line, `"packets[3]: "` for a packet, empty for the whole file.
+    pub place: String,
+    /// What is there.
+    pub found: String,
+    /// What should be there.
+    pub expected: String,
+}
+
+fn wrong(place: String, found: impl Into<String>, expected: impl Into<String>) -> RecordingError {
+    RecordingError { place, found: found.into(), expected: expected.into() }
+}
+
+/// Which unit the positions of a recording have.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub enum LengthUnit {
+    /// Metres.
+    Metre,
+    /// Cells of a lattice of unknown size.
+    Cell,
+}
+
+impl LengthUnit {
+    /// Gives the unit's word.
+    pub fn word(self) -> &'static str {
+        match self {
+            LengthUnit::Metre => "m",
+            LengthUnit::Cell => "cell",
+        }
+    }
+}
+
+/// The links of one file.
+#[derive(Clone, PartialEq, Debug)]
+pub struct Recording {
+    /// What was measured, pooled only where a line or a packet repeats the very same two places.
+    pub links: Vec<Link>,
+    /// Unit of the positions.
+    pub unit: LengthUnit,
+}
+
+/// Reads a recording.
+///
+/// # Errors
+/// [`RecordingError`] for the first line or packet that is not as expected.
+pub fn read_recording(bytes: &[u8]) -> Result<Recording, RecordingError> {
+    let text = std::str::from_utf8(bytes).map_err(|error| {
+        wrong(String::new(), format!("a byte that is not UTF-8 at {}", error.valid_up_to()), "text")
+    })?;
+    let text = text.trim_start_matches('\u{feff}');
+    match text.trim_start().chars().next() {
+        None => {
+            Err(wrong("1: ".into(), "an empty file", format!("the header {CSV_HEADER} or a JSON recording")))
+        }
+        Some('{' | '[') => read_json(text),
+        Some(_) => read_csv(text),
+    }
+}
+
+/// Gives a links file: one line per link, an empty `rssi_dbm` where no packet was heard.
+pub fn links_csv(links: &[Link]) -> String {
+    let mut text = format!("{LINKS_HEADER}\n");
+    for link in links {
+        let Link { from, to, packets, spots, misses, mean_dbm, spread_db } = link;
+        let rssi = if *packets > 0 { format!("{mean_dbm:.3}") } else { String::new() };
+        // Writing to a String cannot fail.
+        let _ = writeln!(
+            text,
+            "{:.4},{:.4},{:.4},{:.4},{packets},{rssi},{spots},{misses},{spread_db:.3}",
+            from.x_m, from.y_m, to.x_m, to.y_m
+        );
+    }
+    text
+}
+
+/// Which column of a CSV file holds what.
+#[derive(Clone, Copy, Default)]
+struct Columns {
+    count: usize,
+    ends: [usize; 4],
+    rssi: usize,
+    packets: Option<usize>,
+    spots: Option<usize>,
+    misses: Option<usize>,
+    spread: Option<usize>,
+}
+
+fn read_csv(text: &str) -> Result<Recording, RecordingError> {
+    let mut lines = text.lines().enumerate().map(|(index, line)| (index + 1, line.trim_end()));
+    let columns = match lines.find(|(_, line)| !line.trim().is_empty()) {
+        Some((number, header)) => read_header(number, header)?,
+        None => return Err(wrong("1: ".into(), "an empty file", CSV_HEADER)),
+    };
+    let mut links = Vec::new();
+    for (number, line) in lines.filter(|(_, line)| !line.trim().is_empty()) {
+        links.push(read_line(number, line, &columns)?);
+    }
+    if links.is_empty() {
+        return Err(wrong("2: ".into(), "the end of the file", "at least one line of numbers"));
+    }
+    Ok(Recording { links, unit: LengthUnit::Metre })
+}
+
+fn read_header(number: usize, header: &str) -> Result<Columns, RecordingError> {
+    let names: Vec<&str> = header.split(',').map(str::trim).collect();
+    let place = || format!("{number}: ");
+    let expected = || format!("the header {CSV_HEADER}, optionally with spots,misses,spread_db");
+    let mut found = BTreeMap::new();
+    for (column, name) in names.iter().enumerate() {
+        if !LINKS_HEADER.split(',').any(|known| known == *name) {
+            return Err(wrong(place(), format!("the column {}", quoted(name)), expected()));
+        }
+        if found.insert(*name, column).is_some() {
+            return Err(wrong(place(), format!("the column {} twice", quoted(name)), expected()));
+        }
+    }
+    let needed = |name: &str| {
+        found.get(name).copied().ok_or_else(|| wrong(place(), format!("no column \"{name}\""), expected()))
+    };
+    Ok(Columns {
+        count: names.len(),
+        ends: [needed("tx_x_m")?, needed("tx_y_m")?, needed("rx_x_m")?, needed("rx_y_m")?],
+        rssi: needed("rssi_dbm")?,
+        packets: found.get("packets").copied(),
+        spots: found.get("spots").copied(),
+        misses: found.get("misses").copied(),
+        spread: found.get("spread_db").copied(),
+    })
+}
+
+fn read_line(number: usize, line: &str, columns: &Columns) -> Result<Link, RecordingError> {
+    let place = || format!("{number}: ");
+    let fields: Vec<&str> = line.split(',').map(str::trim).collect();
+    if fields.len() != columns.count {
+        let expected = format!("{} as the header has", columns.count);
+        return Err(wrong(place(), format!("{} fields", fields.len()), expected));
+    }
+    let ranged = |field: &str, (low, high): (f64, f64), what: &str| {
+        let value = field.parse::<f64>().ok().filter(|value| (low..=high).contains(value));
+        value.ok_or_else(|| wrong(place(), quoted(field), format!("{what} from {low} to {high}")))
+    };
+    let whole = |column: Option<usize>, default: u32, least: u32, what: &str| {
+        let Some(field) = column.map(|column| fields[column]) else {
+            return Ok(default);
+        };
+        let value = field.parse::<u32>().ok().filter(|value| *value >= least);
+        value.ok_or_else(|| {
+            wrong(place(), quoted(field), format!("a whole number of {what}, at least {least}"))
+        })
+    };
+    let coordinate = |column: usize| ranged(fields[column], (-FARTHEST_M, FARTHEST_M), "a coordinate");
+    let misses = whole(columns.misses, 0, 0, "misses")?;
+    let packets = whole(columns.packets, 1, u32::from(misses == 0), "packets")?;
+    Ok(Link {
+        from: Point::new(coordinate(columns.ends[0])?, coordinate(columns.ends[1])?),
+        to: Point::new(coordinate(columns.ends[2])?, coordinate(columns.ends[3])?),
+        packets,
+        spots: whole(columns.spots, 1, 1, "spots")?,
+        misses,
+        mean_dbm: if packets == 0 { f64::NAN } else { ranged(fields[columns.rssi], STRENGTH_DBM, "dBm")? },
+        spread_db: match columns.spread {
+            Some(column) => ranged(fields[column], (0.0, 200.0), "dB")?,
+            None => 0.0,
+        },
+    })
+}
+
+/// Quotes what was found, cut to a readable length.
+fn quoted(text: &str) -> String {
+    const LONGEST: usize = 40;
+    let cut: String = text.chars().take(LONGEST).collect();
+    let dots = if cut.len() < text.len() { "..." } else { "" };
+    format!("{:?}", cut + dots)
+}
+
+/// The parts of a dump that are used.
+#[derive(Deserialize)]
+struct Dump {
+    packets: Vec<Value>,
+}
+
+const PACKET: &str =
+    "[receiver id, from_north, from_east, from_valid, to_north, to_east, to_valid, rssi_dbm]";
+
+fn read_json(text: &str) -> Result<Recording, RecordingError> {
+    let dump: Dump = serde_json::from_str(text).map_err(|error| {
+        wrong(
+            format!("{}: ", error.line().max(1)),
+            error.to_string(),
+            format!("an object with \"packets\": [{PACKET}, ...]"),
+        )
+    })?;
+    let mut pairs = BTreeMap::new();
+    for (index, packet) in dump.packets.iter().enumerate() {
+        let packet = read_packet(packet)
+            .map_err(|(found, expected)| wrong(format!("packets[{index}]: "), found, expected))?;
+        pairs.entry(packet.key()).or_insert_with(|| Pair::at(&packet)).add(&packet);
+    }
+    if pairs.is_empty() {
+        return Err(wrong(String::new(), "no packets", format!("\"packets\": [{PACKET}, ...]")));
+    }
+    Ok(Recording { links: pairs.values().map(Pair::link).collect(), unit: LengthUnit::Cell })
+}
+
+/// One packet of a dump; x = east, y = north.
+struct Packet {
+    from: Point,
+    to: Point,
+    /// Ends (0 to 2) that did not stand at their lattice point.
+    loose_ends: u32,
+    rssi_dbm: f64,
+}
+
+fn read_packet(packet: &Value) -> Result<Packet, (String, String)> {
+    let shown = |value: &Value| quoted(&value.to_string());
+    let fields = packet.as_array().filter(|fields| fields.len() == 8);
+    let fields = fields.ok_or_else(|| (shown(packet), format!("8 fields {PACKET}")))?;
+    let number = |index: usize, (low, high): (f64, f64), what: &str| {
+        let value = fields[index].as_f64().filter(|value| (low..=high).contains(value));
+        value.ok_or_else(|| {
+            (format!("{} in field {index}", shown(&fields[index])), format!("{what} from {low} to {high}"))
+        })
+    };
+    let flag = |index: usize| {
+        let expected = || (format!("{} in field {index}", shown(&fields[index])), "true or false".to_owned());
+        fields[index].as_bool().ok_or_else(expected)
+    };
+    let place = |north: usize, east: usize| {
+        let limits = (-FARTHEST_M, FARTHEST_M);
+        Ok::<_, (String, String)>(Point::new(
+            number(east, limits, "a coordinate")?,
+            number(north, limits, "a coordinate")?,
+        ))
+    };
+    Ok(Packet {
+        from: place(1, 2)?,
+        to: place(4, 5)?,
+        loose_ends: u32::from(!flag(3)?) + u32::from(!flag(6)?),
+        rssi_dbm: number(7, STRENGTH_DBM, "dBm")?,
+    })
+}
+
+impl Packet {
+    /// Names the two places, direction-free; the bits of a float serve only to tell places apart.
+    fn key(&self) -> [u64; 4] {
+        let bits = |at: Point| [at.y_m.to_bits(), at.x_m.to_bits()];
+        let (a, b) = (bits(self.from), bits(self.to));
+        let (low, high) = if a <= b { (a, b) } else { (b, a) };
+        [low[0], low[1], high[0], high[1]]
+    }
+}
+
+/// All packets between two lattice points.
+struct Pair {
+    from: Point,
+    to: Point,
+    weight: f64,
+    sum: f64,
+    square_sum: f64,
+}
+
+impl Pair {
+    fn at(packet: &Packet) -> Pair {
+        Pair { from: packet.from, to: packet.to, weight: 0.0, sum: 0.0, square_sum: 0.0 }
+    }
+
+    /// A vehicle that did not say that it stood at its point was within a cell of it: such a packet tells
+    /// about the same path, but each loose end halves its weight.
+    fn add(&mut self, packet: &Packet) {
+        let weight = LOOSE_WEIGHT.powi(packet.loose_ends.min(2) as i32);
+        self.weight += weight;
+        self.sum += weight * packet.rssi_dbm;
+        self.square_sum += weight * packet.rssi_dbm * packet.rssi_dbm;
+    }
+
+    fn link(&self) -> Link {
+        let mean_dbm = self.sum / self.weight;
+        let variance = (self.square_sum / self.weight - mean_dbm * mean_dbm).max(0.0);
+        let packets = libm::round(self.weight).max(1.0) as u32;
+        Link { spread_db: variance.sqrt(), ..Link::fixed(self.from, self.to, packets, mean_dbm) }
+    }
+}
+
+/// Weight of a packet for each end that was under way.
+const LOOSE_WEIGHT: f64 = 0.5;

@@ -1,0 +1,47 @@
+//! Two rovers drive laps around a yard with a wall: both persons inside are found.
+
+mod image_world;
+
+use image_world::{SIDE_M, persons, sweep, worst_error_m};
+use tomoswarm::geom::{Point, Rect};
+use tomoswarm::tomo::{Settings, reconstruct};
+
+fn settings() -> Settings {
+    Settings::for_area(Rect::new(Point::new(0.0, 0.0), Point::new(SIDE_M, SIDE_M)))
+}
+
+/// `cargo bench --bench imaging -- 200` measures the share over many seeds.
+#[test]
+fn two_persons_behind_a_wall_are_the_two_strongest_peaks() {
+    const SEEDS: u64 = 10;
+    let errors_m: Vec<f64> = (0..SEEDS)
+        .map(|seed| {
+            let truth = persons(seed);
+            let (empty, now) = (sweep(seed, 0, &[], 8).links(), sweep(seed, 1, &truth, 8).links());
+            let result = reconstruct(&now, Some(&empty), &settings()).unwrap();
+            let places: Vec<Point> = result.peaks.iter().take(2).map(|peak| peak.at).collect();
+            worst_error_m(&places, truth)
+        })
+        .collect();
+    let missed = errors_m.iter().filter(|error_m| **error_m > 1.0).count();
+    assert!(missed <= 1, "errors: {errors_m:.2?}");
+}
+
+#[test]
+fn without_the_empty_sweep_the_wall_is_what_is_seen() {
+    let now = sweep(3, 0, &[], 8).links();
+    let result = reconstruct(&now, None, &settings()).unwrap();
+    let law = result.path_loss.unwrap();
+    assert!((law.exponent - 2.0).abs() < 0.3, "{law:?}");
+    let mean = |x0: f64, y0: f64, x1: f64, y1: f64| {
+        let area = Rect::new(Point::new(x0, y0), Point::new(x1, y1));
+        let inside: Vec<f64> = (0..result.image.grid.len())
+            .filter(|pixel| area.contains(result.image.grid.centre(*pixel)))
+            .map(|pixel| result.image.values[pixel])
+            .collect();
+        inside.iter().sum::<f64>() / inside.len() as f64
+    };
+    let background = mean(9.0, 8.0, 18.0, 18.0);
+    assert!(mean(6.0, 6.0, 6.5, 12.0) > 8.0 * background.abs(), "west wall, {background}");
+    assert!(mean(7.0, 5.0, 12.0, 5.5) > 8.0 * background.abs(), "south wall, {background}");
+}
