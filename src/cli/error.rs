@@ -4,6 +4,7 @@
 use std::io;
 use std::path::PathBuf;
 
+use super::image::ImageError;
 use crate::config::Problems;
 
 /// Why a command did not do what it was asked.
@@ -34,6 +35,9 @@ pub enum CliError {
     /// Several files are wrong; one line per mistake.
     #[error("{}", lines(.0))]
     Several(Vec<CliError>),
+    /// An image cannot be made of recordings.
+    #[error(transparent)]
+    Image(#[from] ImageError),
     /// A result cannot be written where it was asked for.
     #[error("{}: cannot be written: {source}", path.display())]
     Write {
@@ -60,6 +64,7 @@ impl CliError {
             | CliError::Read { .. }
             | CliError::Input { .. }
             | CliError::Several(_)
+            | CliError::Image(_)
             | CliError::Write { .. } => 2,
         }
     }

@@ -1,5 +1,4 @@
 //! Subcommands as types, one file each; the only layer that touches files and the terminal.
-<<<<<<< HEAD
 //!
 //! [`run`] parses the command line, runs the command, prints what went wrong and gives the exit code: 0 done,
 //! 1 fault or mission failed, 2 bad usage, config or scene.
@@ -8,9 +7,11 @@ pub mod check;
 mod describe;
 pub mod error;
 mod folder;
+pub mod image;
 mod load;
 pub mod plan;
 mod read;
+pub mod recording;
 mod report;
 pub mod sim;
 mod trials;
@@ -42,6 +43,7 @@ Exit codes: 0 done; 1 a fault, or the mission failed; 2 bad usage, configuration
 #[derive(Subcommand, Debug)]
 enum Command {
     Sim(sim::SimArgs),
+    Image(image::ImageCommand),
     Plan(plan::PlanArgs),
     Check(check::CheckArgs),
 }
@@ -58,6 +60,7 @@ pub fn run() -> ExitCode {
     };
     let result = match command {
         Command::Sim(sim) => sim.run(),
+        Command::Image(image) => image.run().map_err(CliError::from),
         Command::Plan(plan) => plan.run(&mut std::io::stdout().lock()),
         Command::Check(check) => check.run(&mut std::io::stdout().lock()),
     };
@@ -71,8 +74,3 @@ fn fail(error: &CliError) -> ExitCode {
     eprintln!("tomoswarm: {error}");
     ExitCode::from(error.exit_code())
 }
-=======
-
-pub mod image;
-pub mod recording;
->>>>>>> w-tomo

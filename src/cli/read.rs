@@ -45,6 +45,7 @@ pub fn named_in_config(path: &str) -> Result<String, String> {
         CliError::Usage(_)
         | CliError::Config(_)
         | CliError::Several(_)
+        | CliError::Image(_)
         | CliError::Write { .. }
         | CliError::Mission(_)
         | CliError::Fault(_) => error.to_string(),

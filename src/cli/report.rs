@@ -73,7 +73,8 @@ impl Report {
     /// Gives the summary for a person.
     pub fn text(&self) -> String {
         let separation = self.min_separation_m.map_or("-".to_owned(), |metres| format!("{metres:.2} m"));
-        let outcome = self.failure.as_deref().map_or("finished".to_owned(), |why| format!("NOT finished: {why}"));
+        let outcome =
+            self.failure.as_deref().map_or("finished".to_owned(), |why| format!("NOT finished: {why}"));
         let mut text = format!(
             "{} with {} vehicles, seed {}: {outcome}\n\
              mission time      {:.1} min simulated in {:.2} s ({:.0} x real time)\n\
@@ -97,9 +98,11 @@ impl Report {
             self.bus_bytes as f64 / self.simulated_s.max(1e-9) / 1e3 / self.vehicles.max(1) as f64,
         );
         for find in &self.found {
-            let error = find.error_m.map_or("nobody was there".to_owned(), |error| format!("{error:.2} m off"));
+            let error =
+                find.error_m.map_or("nobody was there".to_owned(), |error| format!("{error:.2} m off"));
             let (x_m, y_m) = (find.at.x_m, find.at.y_m);
-            text += &format!("found             at {x_m:.2}, {y_m:.2} m, {:.2} dB/m: {error}\n", find.strength);
+            text +=
+                &format!("found             at {x_m:.2}, {y_m:.2} m, {:.2} dB/m: {error}\n", find.strength);
         }
         for (name, at) in self.missed() {
             text += &format!("missed            {name} at {:.2}, {:.2} m\n", at.x_m, at.y_m);
@@ -114,9 +117,7 @@ impl Report {
 
     /// Gives the figures for a program.
     pub fn json(&self) -> Value {
-        let found = |find: &Found| {
-            json!({ "x_m": find.at.x_m, "y_m": find.at.y_m, "strength": find.strength, "error_m": find.error_m })
-        };
+        let found = |find: &Found| json!({ "x_m": find.at.x_m, "y_m": find.at.y_m, "strength": find.strength, "error_m": find.error_m });
         let person = |(name, at): &(String, Point)| json!({ "name": name, "x_m": at.x_m, "y_m": at.y_m });
         json!({
             "scene": self.scene,
@@ -150,7 +151,7 @@ fn coverage(scenario: &Scenario, links: &[Link]) -> f64 {
     let settings = scenario.image(Subject::Structure);
     let across = links.iter().filter(|link| {
         link.length_m() >= settings.shortest_link_m
-            && !runs_along_a_side(link.from, link.to, settings.ring, settings.side_tolerance_m)
+            && !runs_along_a_side(link, settings.ring, settings.side_tolerance_m)
     });
     let rows = WeightRows::rescaled(across.map(Link::segment), &settings.grid, settings.weights);
     let mut seen = vec![0.0; settings.grid.len()];
@@ -181,7 +182,8 @@ pub fn write_files(
         write_pictures(folder, scenario, outcome)?;
     }
     folder.write("run.log", outcome.log.as_bytes())?;
-    let json = serde_json::to_string_pretty(&report.json()).map_err(|error| CliError::Fault(error.to_string()))?;
+    let json =
+        serde_json::to_string_pretty(&report.json()).map_err(|error| CliError::Fault(error.to_string()))?;
     folder.write("summary.json", format!("{json}\n").as_bytes())
 }
 
@@ -211,10 +213,12 @@ fn heat(title: &str, made: &Reconstruction, overlays: Vec<Overlay>) -> Result<Ve
 /// The truth and what was found, to be drawn over an image.
 fn truth(outcome: &Outcome, with_finds: bool) -> Vec<Overlay> {
     let mut overlays = tracks(outcome);
-    overlays.extend(outcome.outlines.iter().map(|outline| Overlay::Outline {
-        polygon: outline.polygon.clone(),
-        label: None,
-    }));
+    overlays.extend(
+        outcome
+            .outlines
+            .iter()
+            .map(|outline| Overlay::Outline { polygon: outline.polygon.clone(), label: None }),
+    );
     overlays.extend(outcome.persons.iter().map(|person| Overlay::Circle {
         at: person.at,
         radius_m: person.radius_m,
@@ -256,12 +260,15 @@ fn map(scenario: &Scenario, outcome: &Outcome) -> Result<Vec<u8>, CliError> {
             });
         }
     }
-    let mut overlays = vec![Overlay::Fence { polygon: venue.fence.clone() }, Overlay::Area { rect: venue.area }];
+    let mut overlays =
+        vec![Overlay::Fence { polygon: venue.fence.clone() }, Overlay::Area { rect: venue.area }];
     overlays.extend(tracks(outcome));
-    overlays.extend(outcome.outlines.iter().map(|outline| Overlay::Outline {
-        polygon: outline.polygon.clone(),
-        label: None,
-    }));
+    overlays.extend(
+        outcome
+            .outlines
+            .iter()
+            .map(|outline| Overlay::Outline { polygon: outline.polygon.clone(), label: None }),
+    );
     overlays.extend(homes(scenario));
     overlays.extend(outcome.tracks.iter().filter_map(|(vehicle, points)| {
         Some(Overlay::Dot { at: *points.last()?, label: Some(vehicle.to_string()) })

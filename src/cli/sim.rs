@@ -86,9 +86,15 @@ impl SimArgs {
         write_files(&mut folder, &scenario, &outcome, &report, !self.no_pictures)?;
         let target = folder.publish()?;
         print!("{}", report.text());
-        println!("written: {}/ ({})", target.display(), if self.no_pictures { "data" } else { "pictures and data" });
+        println!(
+            "written: {}/ ({})",
+            target.display(),
+            if self.no_pictures { "data" } else { "pictures and data" }
+        );
         if stopped.load(Ordering::Relaxed) {
-            return Err(CliError::Mission("stopped by Ctrl-C; the folder holds what was measured".to_owned()));
+            return Err(CliError::Mission(
+                "stopped by Ctrl-C; the folder holds what was measured".to_owned(),
+            ));
         }
         outcome.failure.map_or(Ok(()), |reason| Err(CliError::Mission(reason)))
     }
@@ -122,7 +128,10 @@ fn stop_on_ctrl_c() -> Arc<AtomicBool> {
     stopped
 }
 
-#[allow(clippy::disallowed_methods, reason = "the shell measures how long a run took; no decision hangs on it")]
+#[allow(
+    clippy::disallowed_methods,
+    reason = "the shell measures how long a run took; no decision hangs on it"
+)]
 fn watched(scenario: &Scenario, stopped: &AtomicBool) -> Result<(Outcome, Duration), CliError> {
     let bar = progress_bar();
     let started = Instant::now();

@@ -1,0 +1,151 @@
+//! `tomoswarm sim --trials N`: the same scenario with many seeds on all cores, and whether the contracts held in
+//! every one: no collision, no fence breach, every sweep ends, and how often everybody was found.
+
+use std::collections::BTreeMap;
+use std::sync::Mutex;
+use std::sync::atomic::{AtomicU64, Ordering};
+
+use super::error::CliError;
+use super::sim::SimArgs;
+use crate::sim::Outcome;
+
+/// Persons count as found within this distance, metres.
+const FOUND_WITHIN_M: f64 = 1.0;
+/// Share of the seeds in which everybody must be found.
+const FOUND_SHARE: f64 = 0.95;
+
+/// What one seed gave.
+#[derive(Clone, Debug)]
+struct Trial {
+    finished: bool,
+    collisions: usize,
+    fence_breaches: usize,
+    min_separation_m: Option<f64>,
+    simulated_s: f64,
+    /// Per person, the distance to the nearest find, metres; infinite without any.
+    errors_m: Vec<f64>,
+    finds: usize,
+    log_hash: u64,
+}
+
+impl Trial {
+    fn of(outcome: &Outcome) -> Trial {
+        let found = outcome.found();
+        let error_m = |at| found.iter().map(|find| find.at.distance_to(at)).fold(f64::INFINITY, f64::min);
+        Trial {
+            finished: outcome.finished,
+            collisions: outcome.collisions.len(),
+            fence_breaches: outcome.fence_breaches,
+            min_separation_m: outcome.min_separation_m,
+            simulated_s: outcome.simulated.as_secs_f64(),
+            errors_m: outcome.persons.iter().map(|person| error_m(person.at)).collect(),
+            finds: found.len(),
+            log_hash: crate::sim::log::hash(outcome.log.bytes().map(u64::from)),
+        }
+    }
+
+    fn all_found(&self) -> bool {
+        self.errors_m.iter().all(|error_m| *error_m <= FOUND_WITHIN_M)
+    }
+
+    fn is_safe(&self) -> bool {
+        self.finished && self.collisions == 0 && self.fence_breaches == 0
+    }
+
+    fn line(&self, seed: u64) -> String {
+        let errors: Vec<String> = self.errors_m.iter().map(|error_m| format!("{error_m:.2}")).collect();
+        let separation = self.min_separation_m.map_or("-".to_owned(), |metres| format!("{metres:.2}"));
+        format!(
+            "{seed:>6}  {:<8}  {:>7.0}  {:>10}  {:>6}  {separation:>10}  {:<14}  {:>5}  {:016x}",
+            if self.finished { "finished" } else { "NOT" },
+            self.simulated_s,
+            self.collisions,
+            self.fence_breaches,
+            errors.join(" "),
+            self.finds,
+            self.log_hash,
+        )
+    }
+}
+
+/// Runs `count` seeds and prints a table.
+///
+/// # Errors
+/// Bad files, a fault, or a contract that did not hold.
+pub(super) fn run(args: &SimArgs, count: u64) -> Result<(), CliError> {
+    let first = match args.seed {
+        Some(seed) => seed,
+        None => args.scenario(None)?.sim().seed,
+    };
+    println!("  seed  sweep     time/s  collisions  fence  separation  errors/m        finds  log");
+    let trials = run_all(args, first, count)?;
+    let share = |good: usize| 100.0 * good as f64 / trials.len().max(1) as f64;
+    let (safe, found) = (count_of(&trials, Trial::is_safe), count_of(&trials, Trial::all_found));
+    println!(
+        "{} seeds: {safe} safe and finished ({:.1} %), everybody found within {FOUND_WITHIN_M} m in {found} ({:.1} %)",
+        trials.len(),
+        share(safe),
+        share(found)
+    );
+    if safe < trials.len() {
+        return Err(CliError::Mission("a contract did not hold in every seed".to_owned()));
+    }
+    if (found as f64) < FOUND_SHARE * trials.len() as f64 {
+        return Err(CliError::Mission(format!(
+            "everybody was found in less than {:.0} %",
+            100.0 * FOUND_SHARE
+        )));
+    }
+    Ok(())
+}
+
+fn count_of(trials: &BTreeMap<u64, Trial>, is_good: fn(&Trial) -> bool) -> usize {
+    trials.values().filter(|trial| is_good(trial)).count()
+}
+
+/// Runs the seeds on all cores; prints each line as soon as all before it are there.
+fn run_all(args: &SimArgs, first: u64, count: u64) -> Result<BTreeMap<u64, Trial>, CliError> {
+    let next = AtomicU64::new(0);
+    let done = Mutex::new((BTreeMap::new(), first));
+    let cores = std::thread::available_parallelism().map_or(1, usize::from);
+    std::thread::scope(|scope| {
+        let workers: Vec<_> = (0..cores)
+            .map(|_| {
+                scope.spawn(|| -> Result<(), CliError> {
+                    loop {
+                        let number = next.fetch_add(1, Ordering::Relaxed);
+                        if number >= count {
+                            return Ok(());
+                        }
+                        let seed = first + number;
+                        let trial = run_one(args, seed)?;
+                        let mut done = done.lock().unwrap_or_else(|poisoned| poisoned.into_inner());
+                        print_in_order(&mut done, seed, trial);
+                    }
+                })
+            })
+            .collect();
+        let join = |worker: std::thread::ScopedJoinHandle<'_, Result<(), CliError>>| match worker.join() {
+            Ok(result) => result,
+            Err(panic) => std::panic::resume_unwind(panic),
+        };
+        workers.into_iter().try_for_each(join)
+    })?;
+    let (trials, _) = done.into_inner().unwrap_or_else(|poisoned| poisoned.into_inner());
+    Ok(trials)
+}
+
+fn print_in_order(done: &mut (BTreeMap<u64, Trial>, u64), seed: u64, trial: Trial) {
+    done.0.insert(seed, trial);
+    while let Some(trial) = done.0.get(&done.1) {
+        println!("{}", trial.line(done.1));
+        done.1 += 1;
+    }
+}
+
+fn run_one(args: &SimArgs, seed: u64) -> Result<Trial, CliError> {
+    let scenario = args.scenario(Some(seed))?;
+    let outcome =
+        scenario.run(&mut |_| true).map_err(|error| CliError::Fault(format!("seed {seed}: {error}")))?;
+    Ok(Trial::of(&outcome))
+}
