@@ -3,8 +3,9 @@
 //! A beam here has no width; the range sensor's cone is several of them. Surfaces are seen from both sides.
 
 use parry3d_f64::math::Vector;
-use parry3d_f64::query::Ray;
-use parry3d_f64::shape::{CompositeShapeRef, TriMesh};
+use parry3d_f64::partitioning::BvhNode;
+use parry3d_f64::query::{Ray, RayCast};
+use parry3d_f64::shape::TriMesh;
 
 use super::affine::{Xyz, cross, dot, sub};
 use super::build::{Object, Scene, SceneError};
@@ -65,11 +66,40 @@ impl Scene {
     pub fn cast(&self, origin: [f64; 3], direction: [f64; 3], max_m: f64) -> Option<Hit> {
         let mesh = self.surface.mesh.as_ref()?;
         let ray = Ray::new(Vector::from_array(origin), Vector::from_array(direction));
-        let (triangle, distance_m) = CompositeShapeRef(mesh).cast_local_ray(&ray, max_m, false)?;
+        let slabs = Slabs::new(&ray);
+        let leaf = |triangle, best_m| mesh.triangle(triangle).cast_local_ray(&ray, best_m, false);
+        let (triangle, distance_m) =
+            mesh.bvh().find_best(max_m, |node: &BvhNode, _| slabs.entry_m(node), leaf)?;
         let face = self.surface.faces.get(triangle as usize)?;
         let along = dot(face.normal, direction);
         let normal = if along > 0.0 { face.normal.map(|part| -part) } else { face.normal };
         Some(Hit { distance_m, normal, object: face.object as usize })
+    }
+}
+
+/// A ray made ready for many boxes: parry's own box test divides anew for every box, which costs a third of
+/// the whole cast.
+struct Slabs {
+    origin: Vector,
+    inverse: Vector,
+}
+
+impl Slabs {
+    fn new(ray: &Ray) -> Slabs {
+        // Large instead of infinite, so that 0 × inverse stays 0.
+        let invert = |part: f64| if part.abs() < 1e-300 { 1e300 } else { 1.0 / part };
+        let Vector { x, y, z } = ray.dir;
+        Slabs { origin: ray.origin, inverse: Vector::new(invert(x), invert(y), invert(z)) }
+    }
+
+    /// Gives where the ray enters a node's box, metres; the largest number when it misses. A hair of slack
+    /// keeps flat boxes from being missed by rounding.
+    fn entry_m(&self, node: &BvhNode) -> f64 {
+        let one = (node.mins() - self.origin) * self.inverse;
+        let other = (node.maxs() - self.origin) * self.inverse;
+        let enters_m = one.min(other).max_element().max(0.0);
+        let leaves_m = one.max(other).min_element();
+        if enters_m <= leaves_m * (1.0 + 1e-12) { enters_m } else { f64::MAX }
     }
 }
 

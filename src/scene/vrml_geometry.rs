@@ -127,25 +127,9 @@ impl<'a> Parser<'a, '_, '_> {
             }
             Ok(true)
         })?;
-        let mut triangles = Vec::new();
-        let mut faces = 0;
-        for face in corners.split(|(index, _)| *index == -1) {
-            for (index, line) in face {
-                if usize::try_from(*index).map_or(true, |index| index >= points.len()) {
-                    let reason = format!(
-                        "coordIndex {index}; expected −1 or one of the {} points from 0",
-                        points.len()
-                    );
-                    return Err(Refusal::at(*line, reason));
-                }
-            }
-            if face.len() >= 3 {
-                faces += 1;
-                let fan = face[1..].windows(2);
-                triangles.extend(fan.map(|pair| [face[0].0 as u32, pair[0].0 as u32, pair[1].0 as u32]));
-            } else if !face.is_empty() {
-                self.reading.warn("faces with under three corners are left out", &self.file, line);
-            }
+        let (triangles, faces, odd) = fans(&corners, points.len())?;
+        if odd {
+            self.reading.warn("faces with under three corners are left out", &self.file, line);
         }
         Ok(Solid { mesh: Mesh::using(&points, &triangles), faces, extrusions: Vec::new() })
     }
@@ -242,4 +226,29 @@ impl<'a> Parser<'a, '_, '_> {
             }
         }
     }
+}
+
+/// Cuts faces, given as indices with their lines and ended by −1, into fans of triangles. Gives the triangles,
+/// the number of faces, and whether some face had too few corners to be one.
+fn fans(corners: &[(i64, usize)], points: usize) -> Result<(Vec<[u32; 3]>, usize, bool), Refusal> {
+    let (mut triangles, mut faces, mut odd) = (Vec::new(), 0, false);
+    for face in corners.split(|(index, _)| *index == -1) {
+        let mut fan = Vec::with_capacity(face.len());
+        for (index, line) in face {
+            match u32::try_from(*index) {
+                Ok(index) if (index as usize) < points => fan.push(index),
+                _ => {
+                    let reason =
+                        format!("coordIndex {index}; expected −1 or one of the {points} points from 0");
+                    return Err(Refusal::at(*line, reason));
+                }
+            }
+        }
+        odd |= fan.len() == 1 || fan.len() == 2;
+        if fan.len() >= 3 {
+            faces += 1;
+            triangles.extend(fan[1..].windows(2).map(|pair| [fan[0], pair[0], pair[1]]));
+        }
+    }
+    Ok((triangles, faces, odd))
 }

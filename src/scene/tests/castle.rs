@@ -104,10 +104,16 @@ fn ray_casts_agree_with_a_plain_loop() {
     let mut numbers = Sequence(4);
     for scene in &scenes {
         let mut hits = 0;
-        for _ in 0..200 {
+        for round in 0..400 {
             let origin = [numbers.within(-20.0, 20.0), numbers.within(-20.0, 20.0), numbers.within(0.2, 1.5)];
             let angle = numbers.within(0.0, std::f64::consts::TAU);
-            let direction = [libm::cos(angle), libm::sin(angle), 0.0];
+            let direction = match round % 8 {
+                0 => [1.0, 0.0, 0.0],
+                1 => [0.0, -1.0, 0.0],
+                2 => [0.0, 0.0, -1.0],
+                3 => [libm::cos(angle) * 0.8, libm::sin(angle) * 0.8, 0.6],
+                _ => [libm::cos(angle), libm::sin(angle), 0.0],
+            };
             let (got, expected) =
                 (scene.cast(origin, direction, 500.0), plain_cast(scene, origin, direction));
             assert_eq!(got.is_some(), expected.is_some(), "{origin:?} {angle}");
