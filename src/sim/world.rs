@@ -210,10 +210,9 @@ impl World {
         let rover = &self.rovers[vehicle];
         let one = (vehicle, rover.commands);
         let (radius_m, height_m) = (self.build.radius_m, self.build.height_m);
-        let mut cast =
-            |way: Segment| self.stage.scene.first_contact(way, radius_m, GROUND_CLEARANCE_M, height_m);
+        let cast = |way: Segment| self.stage.scene.first_contact(way, radius_m, GROUND_CLEARANCE_M, height_m);
         let mut touches = Vec::new();
-        if let Some(at) = rover.body.contact_time(now, Time::NEVER, &mut cast) {
+        if let Some(at) = rover.body.contact_time(now, Time::NEVER, &cast) {
             touches.push(Touch { at, one, other: None });
         }
         for (index, peer) in self.rovers.iter().enumerate().filter(|(index, _)| *index != vehicle) {
