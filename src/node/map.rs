@@ -246,7 +246,7 @@ mod tests {
         let mut map = Map::new(settings(1));
         let free = told(&mut map, vec![scan(None), scan(None)]);
         assert_eq!(tiles_published(&free), 0);
-        let hit = told(&mut map, vec![scan(Some(2.0)), scan(Some(2.0))]);
+        let hit = told(&mut map, vec![scan(Some(2.0)); 6]);
         assert!(tiles_published(&hit) > 0);
         let mut out = Vec::new();
         map.wake(map.deadline().unwrap().at, &mut out).unwrap();
@@ -256,8 +256,8 @@ mod tests {
     #[test]
     fn a_peer_in_the_beam_is_not_mapped() {
         let mut map = Map::new(settings(1));
-        let out = told(&mut map, vec![In::Peer(state(2, 3.2, 1.0)), scan(Some(2.0)), scan(Some(2.0))]);
-        assert_eq!(tiles_published(&out), 0);
+        told(&mut map, vec![In::Peer(state(2, 3.2, 1.0))]);
+        assert_eq!(tiles_published(&told(&mut map, vec![scan(Some(2.0)); 6])), 0);
     }
 
     #[test]
