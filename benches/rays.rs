@@ -7,7 +7,7 @@ use std::path::Path;
 use std::time::Instant;
 
 use tomoswarm::geom::Point;
-use tomoswarm::scene::{Attenuation, Material, Person, Scene, SceneParts, Up, read_vrml};
+use tomoswarm::scene::{Attenuation, LIMIT_DB, Material, Person, Scene, SceneParts, Up, read_vrml};
 
 const RUNS: usize = 9;
 const RAYS: usize = 400_000;
@@ -41,6 +41,7 @@ fn load(path: &Path, persons: &[Person]) -> Option<Scene> {
         offset_m: [0.0; 3],
         materials: &BTreeMap::new(),
         default_material: Material { db_per_m: 20.0, db_per_crossing: 6.0 },
+        posts: &[],
         persons,
     };
     Scene::build(&parts).ok()
@@ -71,7 +72,7 @@ fn rays(name: &str, scene: &Scene, middle: [f64; 3], span_m: f64) {
 }
 
 fn links(scene: &Scene) {
-    let attenuation = Attenuation::new(scene, 0.5, 0.125);
+    let attenuation = Attenuation::new(scene, 0.5, 0.125, LIMIT_DB);
     let links: Vec<(Point, Point)> = (0..LINKS)
         .map(|index| (border(spread(index, 0.618_033_988_75)), border(spread(index, 0.754_877_666))))
         .collect();

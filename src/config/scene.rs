@@ -216,8 +216,12 @@ fn read_outline(section: &Section) -> Outline {
     if corners.is_empty() {
         return Outline::Polygon(Polygon::new(corners));
     }
-    Outline::Polygon(simple_polygon(corners).unwrap_or_else(|wrong| {
-        section.refuse("outline_m", &wrong, "corners in order around a simple outline are needed");
+    let convex = simple_polygon(corners).and_then(|polygon| {
+        if polygon.is_convex() { Ok(polygon) } else { Err("the outline is not convex".to_owned()) }
+    });
+    Outline::Polygon(convex.unwrap_or_else(|wrong| {
+        let allowed = "corners in order around a convex outline are needed; other shapes are several objects";
+        section.refuse("outline_m", &wrong, allowed);
         Polygon::new(Vec::new())
     }))
 }

@@ -33,6 +33,15 @@ impl Polygon {
         self.edges().map(|edge| (edge.from - origin).cross(edge.to - origin)).sum::<f64>() / 2.0
     }
 
+    /// Tells whether all corners turn the same way and enclose something.
+    pub fn is_convex(&self) -> bool {
+        let edges: Vec<Segment> = self.edges().collect();
+        let next = edges.iter().cycle().skip(1);
+        let sign = self.area_m2().signum();
+        let bends_back = edges.iter().zip(next).any(|(a, b)| a.vector().cross(b.vector()) * sign < 0.0);
+        self.area_m2() != 0.0 && !bends_back
+    }
+
     /// Tells whether a point lies inside (even-odd rule).
     pub fn contains(&self, point: Point) -> bool {
         let mut inside = false;
@@ -80,6 +89,7 @@ mod tests {
         assert!(ell().contains(Point::new(0.5, 3.0)));
         assert!(!ell().contains(Point::new(2.0, 2.0)));
         assert!((ell().area_m2() - 7.0).abs() < 1e-12);
+        assert!(!ell().is_convex());
     }
 
     #[test]

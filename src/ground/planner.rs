@@ -28,6 +28,8 @@ pub enum Method {
         rounds: Option<usize>,
         /// Time at each stop.
         dwell: Duration,
+        /// Time at each stop at most, when partners do not come.
+        dwell_limit: Duration,
     },
 }
 
@@ -85,10 +87,10 @@ pub fn plan(ring: &Ring, method: Method, separation_m: f64, request: &Request) -
             let gaps = GapRequest { run, revision, vehicles: places, first_lap, end_lap, separation_m };
             sweep::rotating_gap(ring, &gaps)
         }
-        Method::Fan { rounds, dwell } => {
+        Method::Fan { rounds, dwell, dwell_limit } => {
             let rounds = rounds.unwrap_or(ring.positions()).saturating_sub(first_lap).max(1);
-            let dwell_ms = u32::try_from(dwell.as_millis()).unwrap_or(u32::MAX);
-            let dwell_limit_ms = dwell_ms.saturating_mul(4);
+            let milliseconds = |span: Duration| u32::try_from(span.as_millis()).unwrap_or(u32::MAX);
+            let (dwell_ms, dwell_limit_ms) = (milliseconds(dwell), milliseconds(dwell_limit));
             let vehicles = places;
             let fan = FanRequest { run, revision, vehicles, rounds, dwell_ms, dwell_limit_ms, separation_m };
             sweep::fan(ring, &fan)

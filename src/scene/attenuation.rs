@@ -14,13 +14,15 @@ use crate::geom::{Point, Rect, Segment, Vector};
 
 /// Beyond this many deviations from the line nothing counts (Φ(−4.5) = 3.4e-6).
 const REACH: f64 = 4.5;
-/// What leaks around any object, as a share of the power (−30 dB).
-const LEAK: f64 = 1e-3;
+/// Attenuation at which an object saturates as DESIGN has it, because energy leaks around it, dB.
+pub const LIMIT_DB: f64 = 30.0;
 
 /// The attenuation of all links at one height of a scene.
 #[derive(Clone, Debug)]
 pub struct Attenuation {
     wavelength_m: f64,
+    /// What leaks around any object, as a share of the power.
+    leak: f64,
     solids: Vec<Solid>,
     sheets: Vec<Sheet>,
     normal: NormalTable,
@@ -60,10 +62,12 @@ struct Place {
 }
 
 impl Attenuation {
-    /// Cuts the scene at a height (metres above z = 0) for links of a wavelength (metres).
+    /// Cuts the scene at a height (metres above z = 0) for links of a wavelength (metres); each object
+    /// saturates at `limit_db`, usually [`LIMIT_DB`].
     ///
     /// Shapes of one material that overlap or share a border are joined, so that corners do not count twice.
-    pub fn new(scene: &Scene, height_m: f64, wavelength_m: f64) -> Attenuation {
+    pub fn new(scene: &Scene, height_m: f64, wavelength_m: f64, limit_db: f64) -> Attenuation {
+        let leak = libm::pow(10.0, -limit_db / 10.0);
         let mut materials: BTreeMap<u64, (f64, Vec<Vec<Point>>)> = BTreeMap::new();
         let mut sheets = Vec::new();
         for object in scene.objects() {
@@ -84,7 +88,7 @@ impl Attenuation {
                 solids.push(Solid { bounds, contours, db_per_m });
             }
         }
-        Attenuation { wavelength_m, solids, sheets, normal: NormalTable::new() }
+        Attenuation { wavelength_m, leak, solids, sheets, normal: NormalTable::new() }
     }
 
     /// Gives the attenuation between two antennas, dB; never negative, the same bits in both directions.
@@ -92,10 +96,16 @@ impl Attenuation {
         let Some(link) = Link::new(a, b, self.wavelength_m) else { return 0.0 };
         let solids = self.solids.iter().filter(|solid| link.may_meet(solid.bounds));
         let sheets = self.sheets.iter().filter(|sheet| link.may_meet(sheet.bounds));
-        solids.map(|solid| saturated_db(solid.db_per_m * self.solid_m(solid, &link))).sum::<f64>()
+        solids.map(|solid| self.saturated_db(solid.db_per_m * self.solid_m(solid, &link))).sum::<f64>()
             + sheets
-                .map(|sheet| saturated_db(sheet.db_per_crossing * self.crossings(sheet, &link)))
+                .map(|sheet| self.saturated_db(sheet.db_per_crossing * self.crossings(sheet, &link)))
                 .sum::<f64>()
+    }
+
+    /// Gives an object's attenuation with what leaks around it, dB.
+    fn saturated_db(&self, plain_db: f64) -> f64 {
+        let through = libm::exp(plain_db * -std::f64::consts::LN_10 / 10.0);
+        (-10.0 * libm::log10(through + self.leak)).max(0.0)
     }
 
     /// Gives the average length inside all solids together, without saturation, metres.
@@ -281,12 +291,6 @@ impl Link {
         let (reach_s, reach_h) = (half_x * x + half_y * y, half_x * y + half_y * x);
         h_m.abs() < self.reach_m + reach_h && s_m > -reach_s && s_m < self.length_m + reach_s
     }
-}
-
-/// Gives an object's attenuation with what leaks around it, dB.
-fn saturated_db(plain_db: f64) -> f64 {
-    let through = libm::exp(plain_db * -std::f64::consts::LN_10 / 10.0);
-    (-10.0 * libm::log10(through + LEAK)).max(0.0)
 }
 
 /// Positive nodes and weights of the eight-point Gauss–Legendre rule (Abramowitz & Stegun, table 25.4).

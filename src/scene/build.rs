@@ -80,8 +80,39 @@ pub struct SceneParts<'a> {
     pub materials: &'a BTreeMap<String, Material>,
     /// The material of shapes without one.
     pub default_material: Material,
+    /// Upright bodies that are not in the VRML file.
+    pub posts: &'a [Post],
     /// Who stands in the scene.
     pub persons: &'a [Person],
+}
+
+/// The outline of an upright body.
+#[derive(Clone, PartialEq, Debug)]
+pub enum Footprint {
+    /// Corners of a convex polygon, in either direction around it.
+    Convex(Polygon),
+    /// A circle.
+    Round {
+        /// Its middle.
+        centre: Point,
+        /// Its radius, metres.
+        radius_m: f64,
+    },
+}
+
+/// An upright body between two heights.
+#[derive(Clone, PartialEq, Debug)]
+pub struct Post {
+    /// What it is called.
+    pub name: String,
+    /// Its outline.
+    pub footprint: Footprint,
+    /// Its lower end, metres.
+    pub low_m: f64,
+    /// Its upper end, metres.
+    pub high_m: f64,
+    /// What it is made of.
+    pub material: Material,
 }
 
 /// Why no scene could be built.
@@ -148,6 +179,9 @@ impl Scene {
         let mut objects = Vec::new();
         for (index, shape) in parts.shapes.iter().enumerate() {
             place(shape, index, parts, &mut objects)?;
+        }
+        for post in parts.posts {
+            objects.push(raise(post)?);
         }
         for person in parts.persons {
             objects.push(stand(person)?);
@@ -238,24 +272,45 @@ fn place(
 }
 
 fn stand(person: &Person) -> Result<Object, SceneError> {
+    raise(&Post {
+        name: person.name.clone(),
+        footprint: Footprint::Round { centre: person.at, radius_m: person.radius_m },
+        low_m: GROUND_M,
+        high_m: GROUND_M + person.height_m,
+        material: Material { db_per_m: person.db_per_m, db_per_crossing: 0.0 },
+    })
+}
+
+fn raise(post: &Post) -> Result<Object, SceneError> {
     let impossible = |what, value, expected| {
-        Err(SceneError::Impossible { name: person.name.clone(), what, value, expected })
+        Err(SceneError::Impossible { name: post.name.clone(), what, value, expected })
     };
-    for (what, value) in [("radius_m", person.radius_m), ("height_m", person.height_m)] {
-        if !(value > 0.0 && value <= 100.0) {
-            return impossible(what, value, "metres above 0, at most 100");
+    let height_m = post.high_m - post.low_m;
+    if !(height_m > 0.0 && height_m <= 100.0) {
+        return impossible("height_m", height_m, "metres above 0, at most 100");
+    }
+    check_material(&post.name, post.material)?;
+    let footprint = match &post.footprint {
+        Footprint::Convex(polygon) if !polygon.is_convex() => {
+            return impossible("outline_m", polygon.area_m2(), "a convex outline; join several for others");
         }
+        Footprint::Convex(polygon) if polygon.area_m2() < 0.0 => {
+            Polygon::new(polygon.corners().iter().rev().copied().collect())
+        }
+        Footprint::Convex(polygon) => polygon.clone(),
+        Footprint::Round { radius_m, .. } if !(*radius_m > 0.0 && *radius_m <= 100.0) => {
+            return impossible("radius_m", *radius_m, "metres above 0, at most 100");
+        }
+        Footprint::Round { centre, radius_m } => {
+            let outline = primitive::round_outline(*radius_m, PERSON_SIDES);
+            Polygon::new(outline.map(|(x, y)| Point::new(centre.x_m + x, centre.y_m + y)).collect())
+        }
+    };
+    if !footprint.corners().iter().all(|corner| within_world([corner.x_m, corner.y_m, post.low_m])) {
+        return Err(SceneError::TooFar { name: post.name.clone() });
     }
-    if !within_world([person.at.x_m, person.at.y_m, 0.0]) {
-        return Err(SceneError::TooFar { name: person.name.clone() });
-    }
-    let material = Material { db_per_m: person.db_per_m, db_per_crossing: 0.0 };
-    check_material(&person.name, material)?;
-    let outline = primitive::round_outline(person.radius_m, PERSON_SIDES);
-    let corners = outline.map(|(x, y)| Point::new(person.at.x_m + x, person.at.y_m + y)).collect();
-    let footprint = Polygon::new(corners);
-    let shape = Shape::Prism { footprint, low_m: GROUND_M, high_m: GROUND_M + person.height_m };
-    Ok(Object { name: person.name.clone(), shape, material, closed: true })
+    let shape = Shape::Prism { footprint, low_m: post.low_m, high_m: post.high_m };
+    Ok(Object { name: post.name.clone(), shape, material: post.material, closed: true })
 }
 
 fn check_material(name: &str, material: Material) -> Result<(), SceneError> {

@@ -22,17 +22,15 @@ use crate::ground::station::{Station, StationSettings};
 use crate::node::{
     BodySettings, LookSettings, RadioSettings, SafetySettings, Settings as NodeSettings, VehicleNode,
 };
-use crate::scene::{Attenuation, Material, Person, Scene, SceneError, SceneParts, VrmlShape};
+use crate::scene::{
+    Attenuation, Footprint, Material, Person, Post, Scene, SceneError, SceneParts, VrmlShape,
+};
 use crate::sweep::{Ring, SweepError};
 use crate::time::Time;
 use crate::tomo::{self, Prior, SPOT_M, Settings as ImageSettings, Solver, TomoError, WeightModel};
 
-/// Share of the scan period in which the servo has to settle.
-const SETTLE_SHARE: f64 = 0.5;
 /// Tries to place a person before the scene is held to be too full.
 const PLACING_TRIES: u64 = 10_000;
-/// Time at each stop of the fan.
-const FAN_DWELL: Duration = Duration::from_secs(1);
 
 /// Why a scenario cannot be run.
 #[derive(Clone, PartialEq, Debug, thiserror::Error)]
@@ -120,20 +118,23 @@ impl Scenario {
         let laps = self.sim.sweep.laps;
         match self.sim.sweep.planner {
             PlannerName::RotatingGap => Method::RotatingGap { laps },
-            PlannerName::Fan => Method::Fan { rounds: laps, dwell: FAN_DWELL },
+            PlannerName::Fan => {
+                let (dwell, dwell_limit) = (self.sim.sweep.dwell, self.sim.sweep.dwell_limit);
+                Method::Fan { rounds: laps, dwell, dwell_limit }
+            }
         }
     }
 
     fn scene(&self, persons: &[Person]) -> Result<Scene, SceneError> {
         let file = &self.sim.scene;
-        let material =
-            |m: config::Material| Material { db_per_m: m.db_per_m, db_per_crossing: m.db_per_crossing };
         let materials = file.materials.iter().map(|(name, m)| (name.clone(), material(*m))).collect();
+        let posts: Vec<Post> = file.objects.iter().map(post).collect();
         Scene::build(&SceneParts {
             shapes: &self.shapes,
             offset_m: file.offset_m,
             materials: &materials,
             default_material: material(file.default_material),
+            posts: &posts,
             persons,
         })
     }
@@ -141,7 +142,8 @@ impl Scenario {
     fn stage(&self, persons: &[Person]) -> Result<Stage, SceneError> {
         let scene = self.scene(persons)?;
         let height_m = self.sim.vehicles.antenna_height_m;
-        let attenuation = Attenuation::new(&scene, height_m, self.sim.radio.wavelength_m());
+        let radio = &self.sim.radio;
+        let attenuation = Attenuation::new(&scene, height_m, radio.wavelength_m(), radio.object_limit_db);
         Ok(Stage { scene, attenuation })
     }
 
@@ -279,8 +281,8 @@ impl Scenario {
             delay: bus.delay,
             jitter: bus.jitter,
             drop_share: bus.drop_share,
+            duplicate_share: bus.duplicate_share,
             partitions: bus.partitions.iter().map(cut).collect(),
-            ..BusModel::default()
         }
     }
 
@@ -309,7 +311,7 @@ impl Scenario {
                 max_range_m: range.max_range_m,
                 sure_range_m: range.sure_range_m,
                 period: range.scan_period,
-                settle: range.scan_period.mul_f64(SETTLE_SHARE),
+                settle: range.settle,
             },
             radio: RadioSettings {
                 channel: sim.radio.channel,
@@ -352,6 +354,7 @@ impl Scenario {
         settings.noise.sensitivity_dbm = self.sim.radio.sensitivity_dbm;
         settings.peaks.rim_m = imaging.rim_m;
         settings.peaks.limit = imaging.peaks;
+        settings.peaks.separation_m = imaging.peak_separation_m;
         settings.weights = match imaging.weights {
             Weights::Line => WeightModel::Line,
             Weights::Ellipse => WeightModel::Ellipse { width_m: imaging.width_m },
@@ -415,6 +418,21 @@ impl From<SceneError> for RunError {
     fn from(error: SceneError) -> RunError {
         RunError::Scenario(ScenarioError::Scene(error))
     }
+}
+
+fn material(material: config::Material) -> Material {
+    Material { db_per_m: material.db_per_m, db_per_crossing: material.db_per_crossing }
+}
+
+fn post(object: &config::Object) -> Post {
+    let footprint = match &object.outline {
+        config::Outline::Polygon(polygon) => Footprint::Convex(polygon.clone()),
+        config::Outline::Circle { centre, radius_m } => {
+            Footprint::Round { centre: *centre, radius_m: *radius_m }
+        }
+    };
+    let (low_m, high_m) = (object.bottom_m, object.top_m);
+    Post { name: object.name.clone(), footprint, low_m, high_m, material: material(object.material) }
 }
 
 fn person(person: &config::Person) -> Person {

@@ -98,7 +98,7 @@ impl Imager {
         let (grid, area) = (settings.grid, settings.grid.area);
         let (width, height) = (area.width_m(), area.height_m());
         let is_sized = width.is_finite() && height.is_finite() && width > 0.0 && height > 0.0;
-        let pixels = grid.columns.checked_mul(grid.rows).unwrap_or(usize::MAX);
+        let pixels = grid.columns.saturating_mul(grid.rows);
         if !is_sized || pixels == 0 || pixels > MOST_PIXELS {
             let (columns, rows) = (grid.columns, grid.rows);
             return Err(TomoError::BadGrid { most: MOST_PIXELS, columns, rows, width, height });

@@ -2,6 +2,7 @@
 
 use super::*;
 use crate::geom::Polygon;
+use crate::scene::LIMIT_DB;
 use crate::scene::{Attenuation, Person};
 
 const WAVELENGTH_M: f64 = 0.125;
@@ -78,7 +79,7 @@ fn check(attenuation: &Attenuation, a: Point, b: Point, expected_db: f64, tolera
 
 #[test]
 fn an_l_wall_agrees_with_a_fine_integral() {
-    let attenuation = Attenuation::new(&scene_of(courtyard(), 20.0, &[]), 0.5, WAVELENGTH_M);
+    let attenuation = Attenuation::new(&scene_of(courtyard(), 20.0, &[]), 0.5, WAVELENGTH_M, LIMIT_DB);
     let arm = |x0, y0, x1, y1| crate::geom::Rect::new(Point::new(x0, y0), Point::new(x1, y1)).polygon();
     let wall = [arm(6.0, 5.0, 6.3, 13.0), arm(6.0, 5.0, 13.0, 5.3)];
     let mut numbers = Sequence(2);
@@ -90,7 +91,7 @@ fn an_l_wall_agrees_with_a_fine_integral() {
 
 #[test]
 fn grazing_links_agree_with_a_fine_integral() {
-    let attenuation = Attenuation::new(&scene_of(courtyard(), 1.0, &[]), 0.5, WAVELENGTH_M);
+    let attenuation = Attenuation::new(&scene_of(courtyard(), 1.0, &[]), 0.5, WAVELENGTH_M, LIMIT_DB);
     let arm = |x0, y0, x1, y1| crate::geom::Rect::new(Point::new(x0, y0), Point::new(x1, y1)).polygon();
     let wall = [arm(6.0, 5.0, 6.3, 13.0), arm(6.0, 5.0, 13.0, 5.3)];
     for offset in [-0.6, -0.1, -0.01, 0.0, 0.001, 0.1, 0.3, 0.31, 0.5, 2.0] {
@@ -124,7 +125,7 @@ fn random_heaps_of_boxes_agree_with_a_fine_integral() {
             ));
         }
         // Weak, so that separate heaps do not saturate and may be summed here.
-        let attenuation = Attenuation::new(&scene_of(&body, 0.01, &[]), 0.5, WAVELENGTH_M);
+        let attenuation = Attenuation::new(&scene_of(&body, 0.01, &[]), 0.5, WAVELENGTH_M, LIMIT_DB);
         for _ in 0..15 {
             let (a, b) = (border(&mut numbers), border(&mut numbers));
             let expected_m = fine_m(a, b, &boxes, 300);
@@ -141,7 +142,7 @@ fn random_heaps_of_boxes_agree_with_a_fine_integral() {
 #[test]
 fn the_zone_means_what_it_says() {
     let scene = scene_of("", 0.0, &[person(10.0, 10.0)]);
-    let attenuation = Attenuation::new(&scene, 0.5, WAVELENGTH_M);
+    let attenuation = Attenuation::new(&scene, 0.5, WAVELENGTH_M, LIMIT_DB);
     let outline = scene.outlines(0.5).remove(0).polygon;
     for y in [10.0, 10.2, 10.4, 10.8] {
         let (steps, mut inside) = (400, 0.0);
@@ -164,7 +165,7 @@ fn the_zone_means_what_it_says() {
 fn a_wall_across_the_middle_takes_its_thickness() {
     let wall = |db_per_m| {
         let body = "Transform { translation 10 10 1 children Shape { geometry Box { size 0.3 18 2 } } }";
-        Attenuation::new(&scene_of(body, db_per_m, &[]), 0.5, WAVELENGTH_M)
+        Attenuation::new(&scene_of(body, db_per_m, &[]), 0.5, WAVELENGTH_M, LIMIT_DB)
     };
     let (a, b) = (Point::new(0.0, 10.0), Point::new(20.0, 10.0));
     check(&wall(20.0), a, b, saturated(6.0), 1e-4);
@@ -181,10 +182,10 @@ fn each_object_saturates_by_itself_and_corners_count_once() {
     let crossed = "Transform { translation 5 10 0 children DEF B Shape { geometry Box { size 0.3 18 2 } } }
         Transform { translation 5.1 10 0 children USE B }";
     let (a, b) = (Point::new(0.0, 10.0), Point::new(20.0, 10.0));
-    let of = |body: &str| Attenuation::new(&scene_of(body, 300.0, &[]), 0.5, WAVELENGTH_M);
+    let of = |body: &str| Attenuation::new(&scene_of(body, 300.0, &[]), 0.5, WAVELENGTH_M, LIMIT_DB);
     check(&of(two), a, b, 60.0, 1e-3);
     check(&of(crossed), a, b, 30.0, 1e-3);
-    let crossed = Attenuation::new(&scene_of(crossed, 20.0, &[]), 0.5, WAVELENGTH_M);
+    let crossed = Attenuation::new(&scene_of(crossed, 20.0, &[]), 0.5, WAVELENGTH_M, LIMIT_DB);
     check(&crossed, a, b, saturated(20.0 * 0.4), 1e-4);
 }
 
@@ -193,7 +194,7 @@ fn height_decides_what_stands_in_the_way() {
     let persons = [Person { height_m: 1.0, ..person(10.0, 10.0) }];
     let scene = scene_of(courtyard(), 20.0, &persons);
     let (a, b) = (Point::new(0.0, 10.0), Point::new(20.0, 10.0));
-    let at = |height_m: f64| Attenuation::new(&scene, height_m, WAVELENGTH_M).between(a, b);
+    let at = |height_m: f64| Attenuation::new(&scene, height_m, WAVELENGTH_M, LIMIT_DB).between(a, b);
     assert!(at(0.5) > at(1.5) + 2.0 && at(1.5) > 5.0);
     assert_eq!(at(2.0), 0.0);
 }
@@ -204,7 +205,7 @@ fn a_box_written_as_faces_agrees_with_the_box() {
         coord Coordinate { point [ -1.5 -0.2 -1, 1.5 -0.2 -1, 1.5 0.2 -1, -1.5 0.2 -1, -1.5 -0.2 1, 1.5 -0.2 1, 1.5 0.2 1, -1.5 0.2 1 ] }
         coordIndex [ 3 2 1 0 -1 4 5 6 7 -1 0 1 5 4 -1 1 2 6 5 -1 2 3 7 6 -1 3 0 4 7 -1 ] } } }";
     let solid = "Transform { translation 10 10 1 rotation 0 0 1 0.4 children Shape { geometry Box { size 3 0.4 2 } } }";
-    let of = |body: &str| Attenuation::new(&scene_of(body, 20.0, &[]), 0.7, WAVELENGTH_M);
+    let of = |body: &str| Attenuation::new(&scene_of(body, 20.0, &[]), 0.7, WAVELENGTH_M, LIMIT_DB);
     let (faces, solid) = (of(faces), of(solid));
     let mut numbers = Sequence(5);
     let mut most_db: f64 = 0.0;
@@ -222,7 +223,7 @@ fn a_hollow_mesh_takes_only_its_shell() {
         -2 -2 -2, 2 -2 -2, 2 2 -2, -2 2 -2, -2 -2 2, 2 -2 2, 2 2 2, -2 2 2,
         -1 -1 -1, 1 -1 -1, 1 1 -1, -1 1 -1, -1 -1 1, 1 -1 1, 1 1 1, -1 1 1 ] }
         coordIndex [ 3 2 1 0 -1 4 5 6 7 -1 0 1 5 4 -1 1 2 6 5 -1 2 3 7 6 -1 3 0 4 7 -1 ] } }";
-    let attenuation = Attenuation::new(&scene_of(shell, 1.0, &[]), 0.0, WAVELENGTH_M);
+    let attenuation = Attenuation::new(&scene_of(shell, 1.0, &[]), 0.0, WAVELENGTH_M, LIMIT_DB);
     check(&attenuation, Point::new(-9.0, 0.0), Point::new(9.0, 0.0), saturated(4.0), 1e-3);
 }
 
@@ -231,7 +232,7 @@ fn an_open_sheet_counts_by_the_crossing() {
     let sheet =
         "Shape { geometry IndexedFaceSet { coord Coordinate { point [ 10 0 0, 10 20 0, 10 20 2, 10 0 2 ] }
         coordIndex [ 0 1 2 3 -1 ] } }";
-    let attenuation = Attenuation::new(&scene_of(sheet, 20.0, &[]), 0.5, WAVELENGTH_M);
+    let attenuation = Attenuation::new(&scene_of(sheet, 20.0, &[]), 0.5, WAVELENGTH_M, LIMIT_DB);
     check(&attenuation, Point::new(0.0, 10.0), Point::new(20.0, 10.0), saturated(6.0), 1e-3);
     check(&attenuation, Point::new(0.0, 3.0), Point::new(20.0, 17.0), saturated(6.0), 1e-3);
     check(&attenuation, Point::new(0.0, 10.0), Point::new(9.0, 10.0), 0.0, 1e-9);
@@ -242,7 +243,7 @@ fn an_open_sheet_counts_by_the_crossing() {
 #[test]
 fn odd_links_give_numbers() {
     let scene = scene_of(courtyard(), 20.0, &[person(10.0, 10.0)]);
-    let attenuation = Attenuation::new(&scene, 0.5, WAVELENGTH_M);
+    let attenuation = Attenuation::new(&scene, 0.5, WAVELENGTH_M, LIMIT_DB);
     let mut numbers = Sequence(6);
     let places =
         [0.0, 5.0, 5.3, 6.0, 6.3, 13.0, 1e-300, 1e-12, 6.3 + 1e-15, 1e6, -1e150, 1e300, f64::INFINITY];

@@ -18,6 +18,7 @@ fn build(materials: &[(&str, f64)], persons: &[Person]) -> Result<Scene, SceneEr
         offset_m: [100.0, 0.0, 0.5],
         materials: &materials.collect(),
         default_material: Material { db_per_m: 1.0, db_per_crossing: 0.0 },
+        posts: &[],
         persons,
     })
 }

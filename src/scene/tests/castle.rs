@@ -39,6 +39,7 @@ fn built(read: &VrmlScene) -> Scene {
         offset_m: [0.0; 3],
         materials: &materials,
         default_material,
+        posts: &[],
         persons: &[],
     };
     Scene::build(&parts).unwrap()
@@ -150,7 +151,7 @@ fn the_castle_weakens_radio_but_never_by_nonsense() {
     assert!(read.warnings.len() <= 1, "{:?}", read.warnings);
     let scene = built(&read);
     assert!(!scene.outlines(4.0).is_empty());
-    let attenuation = Attenuation::new(&scene, 4.0, 0.125);
+    let attenuation = Attenuation::new(&scene, 4.0, 0.125, crate::scene::LIMIT_DB);
     let (mut numbers, mut most_db) = (Sequence(9), 0.0f64);
     for _ in 0..500 {
         let mut place = || Point::new(numbers.within(-60.0, 60.0), numbers.within(-60.0, 60.0));

@@ -24,6 +24,7 @@ fn scene_of(body: &str, db_per_m: f64, persons: &[Person]) -> Scene {
         offset_m: [0.0; 3],
         materials: &BTreeMap::new(),
         default_material: Material { db_per_m, db_per_crossing: 6.0 },
+        posts: &[],
         persons,
     };
     Scene::build(&parts).unwrap()

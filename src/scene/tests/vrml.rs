@@ -289,6 +289,7 @@ fn files_cut_off_or_damaged_never_panic() {
                 offset_m: [0.0; 3],
                 materials: &materials,
                 default_material,
+                posts: &[],
                 persons: &[],
             };
             Scene::build(&parts).unwrap();
