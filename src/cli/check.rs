@@ -1,13 +1,21 @@
 //! `tomoswarm check FILE...`: validates files and prints what was understood, so that a mistake is found
 //! at the desk. Runs nothing and writes nothing but its answer.
 
+use std::collections::BTreeSet;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use super::describe::describe;
 use super::error::CliError;
+use super::image::bounds;
+use super::load;
 use super::read;
-use crate::config;
+use super::recording::read_recording;
+use crate::config::{self, Config, Up};
+use crate::scene::VrmlScene;
+
+/// DEF names that are listed.
+const NAMES_SHOWN: usize = 30;
 
 /// Validate configs, scenes and recordings; print what was understood.
 ///
@@ -67,21 +75,72 @@ fn kind_of(path: &Path) -> Result<Kind, CliError> {
 fn understand(path: &Path) -> Result<String, CliError> {
     match kind_of(path)? {
         Kind::Config => understand_config(path),
-        Kind::Shapes => Err(not_yet(path)),
-        Kind::Recording => Err(not_yet(path)),
+        Kind::Shapes => understand_shapes(path),
+        Kind::Recording => understand_recording(path),
     }
 }
 
+/// Reads a configuration; a simulation also as far as it can be told without running it.
 fn understand_config(path: &Path) -> Result<String, CliError> {
     let text = read::text(path)?;
     let name = path.to_string_lossy();
     let config = config::read(&name, &text, &mut read::named_in_config)?;
-    Ok(describe(&config))
+    let mut understood = describe(&config);
+    match &config {
+        Config::Sim(_) => {
+            let loaded = load::load(Some(path), None)?;
+            understood += &shapes_lines(&loaded.shapes);
+            load::scenario(loaded, Some(path), None)?;
+        }
+        Config::Scene(scene) => {
+            understood += &shapes_lines(&load::shapes_of(scene, &mut read::named_in_config)?);
+        }
+        Config::Venue(_) => {}
+    }
+    Ok(understood)
 }
 
-fn not_yet(path: &Path) -> CliError {
-    let reason = "this kind of file cannot be checked by this version".to_owned();
-    CliError::Input { path: path.to_owned(), reason }
+/// Reads shapes as they are, z up: only a scene file knows better.
+fn understand_shapes(path: &Path) -> Result<String, CliError> {
+    let shapes = load::read_shapes(&path.to_string_lossy(), Up::Z, &mut read::named_in_config)?;
+    Ok(format!("shapes (VRML97)\n{}", shapes_lines(&shapes)))
+}
+
+fn shapes_lines(scene: &VrmlScene) -> String {
+    let (faces, triangles) = scene
+        .shapes
+        .iter()
+        .fold((0, 0), |(faces, triangles), shape| (faces + shape.faces, triangles + shape.triangles));
+    let names: BTreeSet<&str> =
+        scene.shapes.iter().flat_map(|shape| shape.names.iter().map(|name| &**name)).collect();
+    let shown: Vec<&str> = names.iter().copied().take(NAMES_SHOWN).collect();
+    let more = if names.len() > shown.len() { ", …" } else { "" };
+    let mut text = format!(
+        "  shapes       {}, of {faces} faces, {triangles} triangles; DEF names: {}{more}\n",
+        scene.shapes.len(),
+        shown.join(", ")
+    );
+    for warning in &scene.warnings {
+        text += &format!("  warning      {warning}\n");
+    }
+    text
+}
+
+fn understand_recording(path: &Path) -> Result<String, CliError> {
+    let text = read::text(path)?;
+    let recording = read_recording(text.as_bytes())
+        .map_err(|problem| CliError::Input { path: path.to_owned(), reason: problem.to_string() })?;
+    let unit = recording.unit.word();
+    let packets: u64 = recording.links.iter().map(|link| u64::from(link.packets)).sum();
+    let area = bounds(recording.links.iter());
+    Ok(format!(
+        "a recording\n  links        {} of {packets} packets\n  ends         x {:.2} to {:.2}, y {:.2} to {:.2} {unit}\n",
+        recording.links.len(),
+        area.min.x_m,
+        area.max.x_m,
+        area.min.y_m,
+        area.max.y_m
+    ))
 }
 
 #[cfg(test)]

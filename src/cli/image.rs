@@ -229,7 +229,8 @@ fn read_files(
 }
 
 /// Gives the rectangle around all positions.
-fn bounds<'a>(links: impl Iterator<Item = &'a Link>) -> Rect {
+/// Gives the smallest rectangle around all ends.
+pub(super) fn bounds<'a>(links: impl Iterator<Item = &'a Link>) -> Rect {
     let ends = links.flat_map(|link| [link.from, link.to]);
     ends.map(|at| Rect::new(at, at))
         .reduce(|a, b| {

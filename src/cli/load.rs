@@ -5,7 +5,7 @@ use std::path::Path;
 
 use super::error::CliError;
 use super::read;
-use crate::config::{self, Sim, bundled};
+use crate::config::{self, SceneFile, Sim, bundled};
 use crate::scene::{self, VrmlScene};
 use crate::sim::Scenario;
 
@@ -42,17 +42,33 @@ fn load_with(
     let unreadable = |reason| CliError::Input { path: name.into(), reason };
     let text = loader(name).map_err(unreadable)?;
     let sim = config::read_sim(name, &text, vehicles, loader)?;
-    let shapes = shapes_of(&sim, loader)?;
+    let shapes = shapes_of(&sim.scene, loader)?;
     Ok(Loaded { sim, shapes })
 }
 
-fn shapes_of(sim: &Sim, loader: &mut config::Loader<'_>) -> Result<VrmlScene, CliError> {
-    let Some(file) = &sim.scene.wrl else { return Ok(VrmlScene::default()) };
+/// Reads the shapes that a scene names; none when it names no file.
+///
+/// # Errors
+/// The file cannot be read, or makes no sense.
+pub fn shapes_of(scene: &SceneFile, loader: &mut config::Loader<'_>) -> Result<VrmlScene, CliError> {
+    let Some(file) = &scene.wrl else { return Ok(VrmlScene::default()) };
+    read_shapes(file, scene.up, loader)
+}
+
+/// Reads a file of shapes, and the files that it names.
+///
+/// # Errors
+/// The file cannot be read, or makes no sense.
+pub fn read_shapes(
+    file: &str,
+    up: config::Up,
+    loader: &mut config::Loader<'_>,
+) -> Result<VrmlScene, CliError> {
     let text = loader(file).map_err(|reason| CliError::Input {
         path: file.into(),
-        reason: format!("cannot be read: {reason}; the scene names it as `wrl`"),
+        reason: format!("cannot be read: {reason}"),
     })?;
-    let up = match sim.scene.up {
+    let up = match up {
         config::Up::Y => scene::Up::Y,
         config::Up::Z => scene::Up::Z,
     };
