@@ -28,7 +28,7 @@ fn main() {
     let numbers: Vec<u64> = std::env::args().skip(1).filter_map(|word| word.parse().ok()).collect();
     let seeds = numbers.first().copied().unwrap_or(20);
     let first = numbers.get(1).copied().unwrap_or(0);
-    let settings = Settings::for_area(Rect::new(Point::new(0.0, 0.0), Point::new(SIDE_M, SIDE_M)));
+    let settings = Settings::for_change(Rect::new(Point::new(0.0, 0.0), Point::new(SIDE_M, SIDE_M)));
     let (mut cold_ms, mut warm_ms, mut links, mut missed) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
     let mut errors_m = Vec::new();
     for seed in first..first + seeds {

@@ -46,7 +46,7 @@ impl Default for NoiseModel {
             fading_sd_db: 3.1,
             matched_fading_sd_db: 1.0,
             model_sd_db: 0.5,
-            match_share: 0.3,
+            match_share: 1.0,
             sensitivity_dbm: -95.0,
         }
     }
@@ -106,7 +106,16 @@ impl Settings {
         }
     }
 
-    /// Gives the prior for an area: σ² = 0.3 (dB/m)² and δ = 1 m for 20 m.
+    /// Gives the defaults for an image of what changed since an empty sweep: persons are smaller than walls, so
+    /// neighbouring pixels are less alike (σ² = 0.08 (dB/m)², δ = 0.5 m for 20 m), and fades make heavier tails (ν = 2).
+    pub fn for_change(area: Rect) -> Settings {
+        let scale = area.width_m().max(area.height_m()) / 20.0;
+        let prior = Prior { variance: 0.08 / (scale * scale), length_m: 0.5 * scale };
+        let map = MapSettings { student_degrees: Some(2.0), ..MapSettings::default() };
+        Settings { solver: Solver::Map(prior, map), ..Settings::for_area(area) }
+    }
+
+    /// Gives the prior of standing structure for an area: σ² = 0.3 (dB/m)² and δ = 1 m for 20 m.
     pub fn prior_for(area: Rect) -> Prior {
         let scale = area.width_m().max(area.height_m()) / 20.0;
         Prior { variance: 0.3 / (scale * scale), length_m: scale }
