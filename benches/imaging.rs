@@ -43,15 +43,20 @@ fn main() {
         let error_m = worst_error_m(&places, truth);
         errors_m.push(error_m);
         if error_m > 1.0 {
-            missed.push(format!("{seed}: {error_m:.1} m, significances {:.1?}, {truth:.1?}",
-                result.peaks.iter().map(|peak| peak.significance).collect::<Vec<_>>()));
+            missed.push(format!(
+                "{seed}: {error_m:.1} m, significances {:.1?}, {truth:.1?}",
+                result.peaks.iter().map(|peak| peak.significance).collect::<Vec<_>>()
+            ));
         }
         cold_ms.push(cold);
         warm_ms.push(warm);
         links.push(result.used as f64);
     }
     let found = errors_m.iter().filter(|error_m| **error_m <= 1.0).count();
-    println!("both persons within 1 m: {found} of {seeds} seeds ({:.1} %)", 100.0 * found as f64 / seeds as f64);
+    println!(
+        "both persons within 1 m: {found} of {seeds} seeds ({:.1} %)",
+        100.0 * found as f64 / seeds as f64
+    );
     println!("median error of the worse one: {:.2} m; median links: {}", median(errors_m), median(links));
     println!("median time: cold {:.1} ms (7 laps), warm {:.1} ms (8 laps)", median(cold_ms), median(warm_ms));
     missed.iter().for_each(|line| println!("missed {line}"));

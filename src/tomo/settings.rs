@@ -107,10 +107,10 @@ impl Settings {
     }
 
     /// Gives the defaults for an image of what changed since an empty sweep: persons are smaller than walls, so
-    /// neighbouring pixels are less alike (σ² = 0.08 (dB/m)², δ = 0.5 m for 20 m), and fades make heavier tails (ν = 2).
+    /// neighbouring pixels are less alike (σ² = 0.15 (dB/m)², δ = 0.5 m for 20 m), and fades make heavier tails (ν = 2).
     pub fn for_change(area: Rect) -> Settings {
         let scale = area.width_m().max(area.height_m()) / 20.0;
-        let prior = Prior { variance: 0.08 / (scale * scale), length_m: 0.5 * scale };
+        let prior = Prior { variance: 0.15 / (scale * scale), length_m: 0.5 * scale };
         let map = MapSettings { student_degrees: Some(2.0), ..MapSettings::default() };
         Settings { solver: Solver::Map(prior, map), ..Settings::for_area(area) }
     }

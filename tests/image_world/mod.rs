@@ -88,7 +88,11 @@ fn drive_lap(bins: &mut LinkBins, [seed, sweep, lap]: [u64; 3], gap: f64, person
         let strength_dbm = -40.0 - 20.0 * a.distance_to(b).log10() - blocked_db + fade_db + noise_db;
         let heard = (strength_dbm > -95.0).then(|| strength_dbm.round() as i16);
         let block = packet / 150;
-        bins.record(reported(a, [seed, sweep, lap, block, 0]), reported(b, [seed, sweep, lap, block, 1]), heard);
+        bins.record(
+            reported(a, [seed, sweep, lap, block, 0]),
+            reported(b, [seed, sweep, lap, block, 1]),
+            heard,
+        );
     }
 }
 
