@@ -44,8 +44,12 @@ fn main() {
         errors_m.push(error_m);
         if error_m > 1.0 {
             missed.push(format!(
-                "{seed}: {error_m:.1} m, significances {:.1?}, {truth:.1?}",
-                result.peaks.iter().map(|peak| peak.significance).collect::<Vec<_>>()
+                "{seed}: {error_m:.1} m, {truth:.1?}, peaks {:.1?}",
+                result
+                    .peaks
+                    .iter()
+                    .map(|peak| (peak.at.x_m, peak.at.y_m, peak.significance))
+                    .collect::<Vec<_>>()
             ));
         }
         cold_ms.push(cold);

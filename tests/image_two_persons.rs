@@ -33,6 +33,7 @@ fn without_the_empty_sweep_the_wall_is_what_is_seen() {
     let result = reconstruct(&now, None, &Settings::for_area(area())).unwrap();
     let law = result.path_loss.unwrap();
     assert!((law.exponent - 2.0).abs() < 0.3, "{law:?}");
+    assert!((law.strength_dbm(15.0) - -64.0).abs() < 2.5, "{} {law:?}", law.strength_dbm(15.0));
     let mean = |x0: f64, y0: f64, x1: f64, y1: f64| {
         let area = Rect::new(Point::new(x0, y0), Point::new(x1, y1));
         let inside: Vec<f64> = (0..result.image.grid.len())

@@ -169,15 +169,24 @@ pub fn runs_along_a_side(link: &Link, ring: Rect, tolerance_m: f64) -> bool {
         || both(&|at| (at.y_m - ring.max.y_m).abs())
 }
 
-/// Fits the law on the links along the sides when there are enough of them, else on all that are long enough.
+/// Fits the law on the links along the sides when there are enough of them.
+///
+/// Otherwise on all that are long enough, and then only the level: many of these cross the same wall, so their errors go
+/// together and the fit would be sure of nonsense (n = 3.5). The exponent stays at its prior, and what the
+/// fit leaves open is found with the image.
 fn fit_path_loss(links: &[Link], settings: &Settings) -> Option<PathLoss> {
     const FEWEST_FREE: usize = 8;
     let (free, rest): (Vec<Link>, Vec<Link>) = links
         .iter()
         .filter(|link| link.length_m() >= 0.5 * settings.shortest_link_m)
         .partition(|link| runs_along_a_side(link, settings.ring, settings.side_tolerance_m));
-    let fitted = if free.len() >= FEWEST_FREE { &free } else { &rest };
-    PathLoss::fit(fitted, settings.exponent)
+    if free.len() >= FEWEST_FREE {
+        return PathLoss::fit(&free, settings.exponent);
+    }
+    let held = ExponentPrior { sd: settings.exponent.sd.min(1e-3), ..settings.exponent };
+    let law = PathLoss::fit(&rest, held)?;
+    let exponent_sd = settings.exponent.sd.min(1.0);
+    Some(PathLoss { level_sd_db: law.residual_db, exponent_sd, ..law })
 }
 
 /// A link of the empty sweep with what its neighbours say.

@@ -98,7 +98,7 @@ impl Imager {
         let (grid, area) = (settings.grid, settings.grid.area);
         let (width, height) = (area.width_m(), area.height_m());
         let is_sized = width.is_finite() && height.is_finite() && width > 0.0 && height > 0.0;
-        let pixels = grid.columns.checked_mul(grid.rows).unwrap_or(usize::MAX);
+        let pixels = grid.columns.saturating_mul(grid.rows);
         if !is_sized || pixels == 0 || pixels > MOST_PIXELS {
             let (columns, rows) = (grid.columns, grid.rows);
             return Err(TomoError::BadGrid { most: MOST_PIXELS, columns, rows, width, height });
@@ -126,7 +126,7 @@ impl Imager {
         if calibrated.observations.is_empty() {
             return Err(TomoError::NoLinks { given: now.len(), dropped: words(&calibrated.dropped) });
         }
-        let (values, residual_db) = self.solve(&rows, &calibrated);
+        let (values, residual_db) = self.solve(&rows, &mut calibrated);
         let image = Image { grid: self.settings.grid, values };
         let squares: f64 = residual_db.iter().map(|residual| residual * residual).sum();
         Ok(Reconstruction {
@@ -161,17 +161,20 @@ impl Imager {
     }
 
     /// Gives the image and the residual of each link, dB.
-    fn solve(&mut self, rows: &WeightRows, calibrated: &Calibrated) -> (Vec<f64>, Vec<f64>) {
-        let links = &calibrated.observations;
-        let attenuation_db: Vec<f64> = links.iter().map(|link| link.attenuation_db).collect();
+    fn solve(&mut self, rows: &WeightRows, calibrated: &mut Calibrated) -> (Vec<f64>, Vec<f64>) {
+        let attenuation_db: Vec<f64> =
+            calibrated.observations.iter().map(|link| link.attenuation_db).collect();
         match self.settings.solver {
             Solver::Map(_, settings) => {
                 let solution = self.solve_map(rows, calibrated, settings, &attenuation_db);
+                if let (Some(law), [level, slope]) = (calibrated.path_loss.as_mut(), &solution.nuisance[..]) {
+                    *law = law.corrected(-level, *slope);
+                }
                 (solution.image, solution.residual_db)
             }
             Solver::Tikhonov { alpha_m2 } => {
                 let image = tikhonov(rows, &self.settings.grid, &attenuation_db, alpha_m2);
-                let mut explained_db = vec![0.0; links.len()];
+                let mut explained_db = vec![0.0; rows.len()];
                 rows.forward(&image, &mut explained_db);
                 let residual_db =
                     attenuation_db.iter().zip(explained_db).map(|(y, explained)| y - explained).collect();

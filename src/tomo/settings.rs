@@ -107,12 +107,11 @@ impl Settings {
     }
 
     /// Gives the defaults for an image of what changed since an empty sweep: persons are smaller than walls, so
-    /// neighbouring pixels are less alike (σ² = 0.15 (dB/m)², δ = 0.5 m for 20 m), and fades make heavier tails (ν = 2).
+    /// neighbouring pixels are less alike (σ² = 0.2 (dB/m)², δ = 0.5 m for 20 m).
     pub fn for_change(area: Rect) -> Settings {
         let scale = area.width_m().max(area.height_m()) / 20.0;
-        let prior = Prior { variance: 0.15 / (scale * scale), length_m: 0.5 * scale };
-        let map = MapSettings { student_degrees: Some(2.0), ..MapSettings::default() };
-        Settings { solver: Solver::Map(prior, map), ..Settings::for_area(area) }
+        let prior = Prior { variance: 0.2 / (scale * scale), length_m: 0.5 * scale };
+        Settings { solver: Solver::Map(prior, MapSettings::default()), ..Settings::for_area(area) }
     }
 
     /// Gives the prior of standing structure for an area: σ² = 0.3 (dB/m)² and δ = 1 m for 20 m.
