@@ -35,6 +35,8 @@ pub struct NoiseModel {
     pub model_sd_db: f64,
     /// Share of the standing structure's change from bin to bin that stays between two sweeps.
     pub match_share: f64,
+    /// Share of the spread within a bin, beyond that of packets and fades, that stays in its mean.
+    pub spread_share: f64,
     /// Weakest packet that a receiver hears, dBm.
     pub sensitivity_dbm: f64,
 }
@@ -46,7 +48,8 @@ impl Default for NoiseModel {
             fading_sd_db: 3.1,
             matched_fading_sd_db: 1.0,
             model_sd_db: 0.5,
-            match_share: 1.0,
+            match_share: 2.0,
+            spread_share: 1.0,
             sensitivity_dbm: -95.0,
         }
     }
