@@ -28,7 +28,7 @@ fn main() {
     let numbers: Vec<u64> = std::env::args().skip(1).filter_map(|word| word.parse().ok()).collect();
     let seeds = numbers.first().copied().unwrap_or(20);
     let first = numbers.get(1).copied().unwrap_or(0);
-    let settings = Settings::for_area(Rect::new(Point::new(0.0, 0.0), Point::new(SIDE_M, SIDE_M)));
+    let settings = Settings::for_change(Rect::new(Point::new(0.0, 0.0), Point::new(SIDE_M, SIDE_M)));
     let (mut cold_ms, mut warm_ms, mut links, mut missed) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
     let mut errors_m = Vec::new();
     for seed in first..first + seeds {
@@ -44,8 +44,12 @@ fn main() {
         errors_m.push(error_m);
         if error_m > 1.0 {
             missed.push(format!(
-                "{seed}: {error_m:.1} m, significances {:.1?}, {truth:.1?}",
-                result.peaks.iter().map(|peak| peak.significance).collect::<Vec<_>>()
+                "{seed}: {error_m:.1} m, {truth:.1?}, peaks {:.1?}",
+                result
+                    .peaks
+                    .iter()
+                    .map(|peak| (peak.at.x_m, peak.at.y_m, peak.significance))
+                    .collect::<Vec<_>>()
             ));
         }
         cold_ms.push(cold);

@@ -6,8 +6,8 @@ use image_world::{SIDE_M, persons, sweep, worst_error_m};
 use tomoswarm::geom::{Point, Rect};
 use tomoswarm::tomo::{Settings, reconstruct};
 
-fn settings() -> Settings {
-    Settings::for_area(Rect::new(Point::new(0.0, 0.0), Point::new(SIDE_M, SIDE_M)))
+fn area() -> Rect {
+    Rect::new(Point::new(0.0, 0.0), Point::new(SIDE_M, SIDE_M))
 }
 
 /// `cargo bench --bench imaging -- 200` measures the share over many seeds.
@@ -18,7 +18,7 @@ fn two_persons_behind_a_wall_are_the_two_strongest_peaks() {
         .map(|seed| {
             let truth = persons(seed);
             let (empty, now) = (sweep(seed, 0, &[], 8).links(), sweep(seed, 1, &truth, 8).links());
-            let result = reconstruct(&now, Some(&empty), &settings()).unwrap();
+            let result = reconstruct(&now, Some(&empty), &Settings::for_change(area())).unwrap();
             let places: Vec<Point> = result.peaks.iter().take(2).map(|peak| peak.at).collect();
             worst_error_m(&places, truth)
         })
@@ -30,9 +30,10 @@ fn two_persons_behind_a_wall_are_the_two_strongest_peaks() {
 #[test]
 fn without_the_empty_sweep_the_wall_is_what_is_seen() {
     let now = sweep(3, 0, &[], 8).links();
-    let result = reconstruct(&now, None, &settings()).unwrap();
+    let result = reconstruct(&now, None, &Settings::for_area(area())).unwrap();
     let law = result.path_loss.unwrap();
     assert!((law.exponent - 2.0).abs() < 0.3, "{law:?}");
+    assert!((law.strength_dbm(15.0) - -64.0).abs() < 2.5, "{} {law:?}", law.strength_dbm(15.0));
     let mean = |x0: f64, y0: f64, x1: f64, y1: f64| {
         let area = Rect::new(Point::new(x0, y0), Point::new(x1, y1));
         let inside: Vec<f64> = (0..result.image.grid.len())

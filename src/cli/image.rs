@@ -167,7 +167,8 @@ impl ImageCommand {
     fn settings<'a>(&self, links: impl Iterator<Item = &'a Link>) -> Settings {
         let ring = bounds(links);
         let area = self.area.unwrap_or(ring);
-        let mut settings = Settings::for_area(area);
+        let mut settings =
+            if self.empty.is_empty() { Settings::for_area(area) } else { Settings::for_change(area) };
         settings.ring = ring;
         if let Some((columns, rows)) = self.pixels {
             settings.grid = PixelGrid { area, columns, rows };

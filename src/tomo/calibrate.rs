@@ -150,7 +150,15 @@ fn paired_variance(link: &Link, partner: &Entry, noise: &NoiseModel, pairing_m: 
         + packet_variance(link, noise)
         + packet_variance(&partner.link, noise)
         + share * share * partner.local_variance_db2
+        + square(noise.spread_share) * (excess_spread(link, noise) + excess_spread(&partner.link, noise))
         + square(noise.model_sd_db)
+}
+
+/// Gives how much more the packets of a bin differ than noise and fades make them, dB²: an edge of the structure
+/// lies across the bin, and two sweeps will not sample it alike.
+fn excess_spread(link: &Link, noise: &NoiseModel) -> f64 {
+    let fading_db2 = if link.spots > 1 { noise.fading_sd_db * noise.fading_sd_db } else { 0.0 };
+    (link.spread_db * link.spread_db - noise.packet_sd_db * noise.packet_sd_db - fading_db2).max(0.0)
 }
 
 /// Gives the larger of the distances between the ends of two links, the ends matched as they lie nearer.
@@ -169,15 +177,24 @@ pub fn runs_along_a_side(link: &Link, ring: Rect, tolerance_m: f64) -> bool {
         || both(&|at| (at.y_m - ring.max.y_m).abs())
 }
 
-/// Fits the law on the links along the sides when there are enough of them, else on all that are long enough.
+/// Fits the law on the links along the sides when there are enough of them.
+///
+/// Otherwise on all that are long enough, and then only the level: many of these cross the same wall, so their errors go
+/// together and the fit would be sure of nonsense (n = 3.5). The exponent stays at its prior, and what the
+/// fit leaves open is found with the image.
 fn fit_path_loss(links: &[Link], settings: &Settings) -> Option<PathLoss> {
     const FEWEST_FREE: usize = 8;
     let (free, rest): (Vec<Link>, Vec<Link>) = links
         .iter()
         .filter(|link| link.length_m() >= 0.5 * settings.shortest_link_m)
         .partition(|link| runs_along_a_side(link, settings.ring, settings.side_tolerance_m));
-    let fitted = if free.len() >= FEWEST_FREE { &free } else { &rest };
-    PathLoss::fit(fitted, settings.exponent)
+    if free.len() >= FEWEST_FREE {
+        return PathLoss::fit(&free, settings.exponent);
+    }
+    let held = ExponentPrior { sd: settings.exponent.sd.min(1e-3), ..settings.exponent };
+    let law = PathLoss::fit(&rest, held)?;
+    let exponent_sd = settings.exponent.sd.min(1.0);
+    Some(PathLoss { level_sd_db: law.residual_db, exponent_sd, ..law })
 }
 
 /// A link of the empty sweep with what its neighbours say.
@@ -255,4 +272,70 @@ fn neighbours(key: BinKey) -> impl Iterator<Item = BinKey> {
         .flat_map(move |low| STEPS.into_iter().map(move |high| (low, high)))
         .skip(1)
         .map(move |(low, high)| key.moved(low, high))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn settings() -> Settings {
+        Settings::for_change(Rect::new(Point::new(0.0, 0.0), Point::new(20.0, 20.0)))
+    }
+
+    fn link(x0: f64, y0: f64, x1: f64, y1: f64, mean_dbm: f64) -> Link {
+        Link::fixed(Point::new(x0, y0), Point::new(x1, y1), 10, mean_dbm)
+    }
+
+    #[test]
+    fn every_link_is_used_or_dropped_with_a_reason() {
+        let now = [
+            link(0.0, 5.0, 20.0, 9.0, -70.0),
+            link(0.0, 1.0, 1.0, 0.0, -50.0),
+            link(0.0, 1.0, 0.3, 15.0, -60.0),
+            link(5.0, 0.0, 5.0, 20.0, -60.0),
+        ];
+        let empty = [link(20.1, 9.1, 0.1, 5.1, -64.0)];
+        let got = calibrate(&now, Some(&empty), &settings());
+        assert_eq!(got.observations.len(), 1);
+        assert!((got.observations[0].attenuation_db - 6.0).abs() < 0.1);
+        let expected =
+            [(DropReason::TooShort, 1), (DropReason::SameSide, 1), (DropReason::NoEmptyPartner, 1)];
+        assert_eq!(got.dropped, Dropped::from(expected));
+    }
+
+    #[test]
+    fn fades_cancel_only_at_the_very_same_places() {
+        let variance = |moved_m: f64, spots: u32| {
+            let mut now = link(0.0, 5.0, 20.0, 9.0, -70.0);
+            let mut empty = link(0.0, 5.0 + moved_m, 20.0, 9.0, -64.0);
+            (now.spots, empty.spots) = (spots, spots);
+            calibrate(&[now], Some(&[empty]), &settings()).observations[0].variance_db2
+        };
+        assert!(variance(0.0, 1) < 4.0 && variance(0.1, 1) > 15.0 && variance(0.1, 8) < 6.0);
+    }
+
+    #[test]
+    fn a_silent_link_attenuates_at_least_down_to_the_sensitivity() {
+        let mut now = link(0.0, 5.0, 20.0, 9.0, f64::NAN);
+        (now.packets, now.misses) = (0, 12);
+        let empty = [link(0.0, 5.0, 20.0, 9.0, -75.0)];
+        let got = calibrate(&[now], Some(&empty), &settings());
+        assert!((got.observations[0].attenuation_db - 20.0).abs() < 1e-9);
+    }
+
+    #[test]
+    fn without_an_empty_sweep_links_along_the_sides_give_the_law() {
+        let free = (0..12).map(|k| {
+            let d_m = 4.0 + f64::from(k);
+            link(0.0, 1.0, 0.0, 1.0 + d_m, -40.0 - 20.0 * d_m.log10())
+        });
+        let blocked = (0..40).map(|k| {
+            let x_m = 1.0 + 0.4 * f64::from(k);
+            link(x_m, 0.0, x_m, 20.0, -40.0 - 20.0 * 20.0f64.log10() - 15.0)
+        });
+        let links: Vec<Link> = free.chain(blocked).collect();
+        let got = calibrate(&links, None, &settings());
+        assert_eq!(got.dropped, Dropped::from([(DropReason::SameSide, 12)]));
+        assert!(got.observations.iter().all(|seen| (seen.attenuation_db - 15.0).abs() < 0.2));
+    }
 }

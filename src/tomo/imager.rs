@@ -84,7 +84,7 @@ pub fn reconstruct(
 #[derive(Clone, Debug)]
 pub struct Imager {
     settings: Settings,
-    covariance: Option<Covariance>,
+    covariance: Covariance,
     /// Dual variable and trust of each link of the last solution.
     last: BTreeMap<BinKey, (f64, f64)>,
 }
@@ -103,10 +103,11 @@ impl Imager {
             let (columns, rows) = (grid.columns, grid.rows);
             return Err(TomoError::BadGrid { most: MOST_PIXELS, columns, rows, width, height });
         }
-        let covariance = match settings.solver {
-            Solver::Map(prior, _) => Some(Covariance::new(&grid, prior)),
-            Solver::Tikhonov { .. } => None,
+        let prior = match settings.solver {
+            Solver::Map(prior, _) => prior,
+            Solver::Tikhonov { .. } => Settings::prior_for(area),
         };
+        let covariance = Covariance::new(&grid, prior);
         Ok(Imager { settings, covariance, last: BTreeMap::new() })
     }
 
@@ -125,7 +126,7 @@ impl Imager {
         if calibrated.observations.is_empty() {
             return Err(TomoError::NoLinks { given: now.len(), dropped: words(&calibrated.dropped) });
         }
-        let (values, residual_db) = self.solve(&rows, &calibrated);
+        let (values, residual_db) = self.solve(&rows, &mut calibrated);
         let image = Image { grid: self.settings.grid, values };
         let squares: f64 = residual_db.iter().map(|residual| residual * residual).sum();
         Ok(Reconstruction {
@@ -160,25 +161,24 @@ impl Imager {
     }
 
     /// Gives the image and the residual of each link, dB.
-    fn solve(&mut self, rows: &WeightRows, calibrated: &Calibrated) -> (Vec<f64>, Vec<f64>) {
-        let links = &calibrated.observations;
-        let attenuation_db: Vec<f64> = links.iter().map(|link| link.attenuation_db).collect();
-        match (self.settings.solver, self.covariance.take()) {
-            (Solver::Map(_, settings), Some(covariance)) => {
-                let solution = self.solve_map(rows, calibrated, &covariance, settings, &attenuation_db);
-                self.covariance = Some(covariance);
+    fn solve(&mut self, rows: &WeightRows, calibrated: &mut Calibrated) -> (Vec<f64>, Vec<f64>) {
+        let attenuation_db: Vec<f64> =
+            calibrated.observations.iter().map(|link| link.attenuation_db).collect();
+        match self.settings.solver {
+            Solver::Map(_, settings) => {
+                let solution = self.solve_map(rows, calibrated, settings, &attenuation_db);
+                if let (Some(law), [level, slope]) = (calibrated.path_loss.as_mut(), &solution.nuisance[..]) {
+                    *law = law.corrected(-level, *slope);
+                }
                 (solution.image, solution.residual_db)
             }
-            (Solver::Tikhonov { alpha_m2 }, _) => {
+            Solver::Tikhonov { alpha_m2 } => {
                 let image = tikhonov(rows, &self.settings.grid, &attenuation_db, alpha_m2);
-                let mut explained_db = vec![0.0; links.len()];
+                let mut explained_db = vec![0.0; rows.len()];
                 rows.forward(&image, &mut explained_db);
                 let residual_db =
                     attenuation_db.iter().zip(explained_db).map(|(y, explained)| y - explained).collect();
                 (image, residual_db)
-            }
-            (Solver::Map(..), None) => {
-                unreachable!("the covariance is made with the imager and put back after use")
             }
         }
     }
@@ -187,15 +187,19 @@ impl Imager {
         &mut self,
         rows: &WeightRows,
         calibrated: &Calibrated,
-        covariance: &Covariance,
         settings: MapSettings,
         attenuation_db: &[f64],
     ) -> MapSolution {
         let links = &calibrated.observations;
         let variance_db2: Vec<f64> = links.iter().map(|link| link.variance_db2).collect();
         let nuisance = if calibrated.by_empty_sweep { Vec::new() } else { path_loss_columns(calibrated) };
-        let problem =
-            MapProblem { rows, covariance, attenuation_db, variance_db2: &variance_db2, nuisance: &nuisance };
+        let problem = MapProblem {
+            rows,
+            covariance: &self.covariance,
+            attenuation_db,
+            variance_db2: &variance_db2,
+            nuisance: &nuisance,
+        };
         let key = |link: &Observation| BinKey::of(link.from, link.to, self.settings.pairing_m).0;
         let start = links.iter().map(|link| self.last.get(&key(link)).copied().unwrap_or((0.0, 1.0))).unzip();
         let solution = problem.solve(settings, Some(start));

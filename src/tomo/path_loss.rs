@@ -46,6 +46,12 @@ impl PathLoss {
         self.p0_dbm - self.exponent * spread_db(distance_m)
     }
 
+    /// Gives the law with its level at the centre raised by `level_db` and its exponent by `exponent`.
+    pub fn corrected(self, level_db: f64, exponent: f64) -> PathLoss {
+        let p0_dbm = self.p0_dbm + level_db + exponent * self.centre_db;
+        PathLoss { p0_dbm, exponent: self.exponent + exponent, ..self }
+    }
+
     /// Fits links (their means as given) with Student-t noise, ν = 4, by iterative reweighting (rti.md 1.3);
     /// `None` with fewer than three usable links.
     pub fn fit(links: &[Link], prior: ExponentPrior) -> Option<PathLoss> {

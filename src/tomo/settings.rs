@@ -35,6 +35,8 @@ pub struct NoiseModel {
     pub model_sd_db: f64,
     /// Share of the standing structure's change from bin to bin that stays between two sweeps.
     pub match_share: f64,
+    /// Share of the spread within a bin, beyond that of packets and fades, that stays in its mean.
+    pub spread_share: f64,
     /// Weakest packet that a receiver hears, dBm.
     pub sensitivity_dbm: f64,
 }
@@ -46,7 +48,8 @@ impl Default for NoiseModel {
             fading_sd_db: 3.1,
             matched_fading_sd_db: 1.0,
             model_sd_db: 0.5,
-            match_share: 0.3,
+            match_share: 2.0,
+            spread_share: 1.0,
             sensitivity_dbm: -95.0,
         }
     }
@@ -106,7 +109,15 @@ impl Settings {
         }
     }
 
-    /// Gives the prior for an area: σ² = 0.3 (dB/m)² and δ = 1 m for 20 m.
+    /// Gives the defaults for an image of what changed since an empty sweep: persons are smaller than walls, so
+    /// neighbouring pixels are less alike (σ² = 0.2 (dB/m)², δ = 0.5 m for 20 m).
+    pub fn for_change(area: Rect) -> Settings {
+        let scale = area.width_m().max(area.height_m()) / 20.0;
+        let prior = Prior { variance: 0.2 / (scale * scale), length_m: 0.5 * scale };
+        Settings { solver: Solver::Map(prior, MapSettings::default()), ..Settings::for_area(area) }
+    }
+
+    /// Gives the prior of standing structure for an area: σ² = 0.3 (dB/m)² and δ = 1 m for 20 m.
     pub fn prior_for(area: Rect) -> Prior {
         let scale = area.width_m().max(area.height_m()) / 20.0;
         Prior { variance: 0.3 / (scale * scale), length_m: scale }

@@ -1,0 +1,94 @@
+//! Simulated sweeps that others made: the persons are found, and the images are no worse than the reference method.
+//!
+//! The full scores (rel, SSIM, loc_m) come from the scoring script beside the data; here is what Rust can judge alone.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use tomoswarm::cli::recording::read_recording;
+use tomoswarm::geom::{Point, Rect};
+use tomoswarm::tomo::{Image, Link, Settings, reconstruct};
+
+fn phantoms() -> Option<PathBuf> {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared/data/phantoms");
+    if !folder.is_dir() {
+        println!("skipped: {} is missing", folder.display());
+        return None;
+    }
+    Some(folder)
+}
+
+fn links(path: &Path) -> Vec<Link> {
+    read_recording(&fs::read(path).unwrap()).unwrap().links
+}
+
+fn image_of(folder: &Path, case: &str) -> tomoswarm::tomo::Reconstruction {
+    let area = Rect::new(Point::new(0.0, 0.0), Point::new(20.0, 20.0));
+    let empty = folder.join(format!("{case}.empty.csv"));
+    let now = links(&folder.join(format!("{case}.links.csv")));
+    if empty.exists() {
+        return reconstruct(&now, Some(&links(&empty)), &Settings::for_change(area)).unwrap();
+    }
+    reconstruct(&now, None, &Settings::for_area(area)).unwrap()
+}
+
+/// |a x − t| / |t| with the best gain a, as the scoring script has it.
+fn relative_error(image: &Image, truth: &[f64]) -> f64 {
+    let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(x, y)| x * y).sum::<f64>();
+    let gain = (dot(&image.values, truth) / dot(&image.values, &image.values)).max(0.0);
+    let rest: Vec<f64> = image.values.iter().zip(truth).map(|(x, t)| gain * x - t).collect();
+    (dot(&rest, &rest) / dot(truth, truth)).sqrt()
+}
+
+/// The 1600 values of a truth file: little-endian f32 after the header.
+fn truth(path: &Path) -> Vec<f64> {
+    let bytes = fs::read(path).unwrap();
+    let data = &bytes[bytes.len() - 4 * 1600..];
+    data.chunks(4).map(|b| f64::from(f32::from_le_bytes(b.try_into().unwrap()))).collect()
+}
+
+/// A number after a key in one line of the reference scores.
+fn score(line: &str, key: &str) -> f64 {
+    let value: serde_json::Value = serde_json::from_str(line).unwrap();
+    value[key].as_f64().unwrap()
+}
+
+#[test]
+fn images_are_as_good_as_the_reference_method() {
+    let Some(folder) = phantoms() else { return };
+    let scores = fs::read_to_string(folder.join("BASELINE.jsonl")).unwrap();
+    let mut cases = 0;
+    for line in scores.lines().filter(|line| line.contains("\"map\"")) {
+        let value: serde_json::Value = serde_json::from_str(line).unwrap();
+        let case = value["case"].as_str().unwrap();
+        if !["l_wall", "building", "blobs"].iter().any(|name| case.starts_with(name)) {
+            continue;
+        }
+        let result = image_of(&folder, case);
+        let error = relative_error(&result.image, &truth(&folder.join(format!("{case}.truth.npy"))));
+        assert!(error <= 1.05 * score(line, "rel"), "{case}: {error:.3}, reference {}", score(line, "rel"));
+        cases += 1;
+    }
+    assert!(cases >= 10, "only {cases} cases");
+}
+
+#[test]
+fn persons_are_found_within_half_a_metre() {
+    let Some(folder) = phantoms() else { return };
+    for case in ["person_600", "two_persons_600", "two_persons_1800"] {
+        for seed in [1000, 1001] {
+            let stem = format!("{case}_{seed}");
+            let text = fs::read_to_string(folder.join(format!("{stem}.truth.json"))).unwrap();
+            let truth: serde_json::Value = serde_json::from_str(&text).unwrap();
+            let persons = truth["persons_m"].as_array().unwrap();
+            let found: Vec<Point> =
+                image_of(&folder, &stem).peaks.iter().take(persons.len()).map(|peak| peak.at).collect();
+            let errors_m = persons.iter().map(|person| {
+                let at = Point::new(person[0].as_f64().unwrap(), person[1].as_f64().unwrap());
+                found.iter().map(|peak| peak.distance_to(at)).fold(f64::INFINITY, f64::min)
+            });
+            let mean_m = errors_m.sum::<f64>() / persons.len() as f64;
+            assert!(mean_m < 0.5, "{stem}: {mean_m:.2} m off");
+        }
+    }
+}
