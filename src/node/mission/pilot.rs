@@ -13,7 +13,7 @@ use std::time::Duration;
 use tomoswarm_proto::{Mode, State, StopId, TileReport};
 
 use super::super::Settings;
-use super::super::vehicle::Command;
+use super::super::vehicle::{Bump, Command};
 use super::look::{Look, Next};
 use super::way::Way;
 use crate::geom::{Point, Pose, Rect, Segment};
@@ -35,10 +35,16 @@ const ARRIVED_M: f64 = 0.35;
 const BACKOFF_M: f64 = 0.02;
 /// After a command that had no effect, wait this long.
 const RETRY_AFTER: Duration = Duration::from_millis(600);
-/// After a search without a result, wait this long.
+/// After a search without a result, wait this long; longer after every further one.
 const SEARCH_AGAIN: Duration = Duration::from_secs(3);
+/// The longest such wait, in shortest ones.
+const LONGEST_WAIT: u32 = 4;
+/// After so many refusals in a row, peers that stand are planned around.
+const REFUSALS_MAX: u32 = 4;
 /// Paths are searched in a rectangle this much larger than start and goal, metres.
 const SEARCH_MARGIN_M: f64 = 6.0;
+/// Bumps are looked for along the way in steps of this length, metres.
+const STEP_M: f64 = 0.1;
 /// A vehicle too near to something may leave it this far, metres.
 const ESCAPE_M: f64 = 1.0;
 
@@ -53,8 +59,8 @@ pub enum Met {
     Blocked(Point),
     /// A path was found; its length, metres.
     Path(f64),
-    /// There is no path, at least not now.
-    NoPath(String),
+    /// There is no path, at least not now; searches in vain in a row.
+    NoPath(u32),
 }
 
 #[derive(Clone, Debug)]
@@ -85,6 +91,12 @@ pub struct Pilot {
     looked: bool,
     /// Peers that stand, and are planned around.
     peers: Vec<Point>,
+    /// What made the reflex halt lately, whether the map shows it or not.
+    bumps: Vec<Bump>,
+    /// Commands refused in a row.
+    refusals: u32,
+    /// Searches without a result in a row.
+    failures: u32,
 }
 
 impl Pilot {
@@ -99,6 +111,9 @@ impl Pilot {
             commanded_at: Time::ZERO,
             looked: false,
             peers: Vec::new(),
+            bumps: Vec::new(),
+            refusals: 0,
+            failures: 0,
         }
     }
 
@@ -125,6 +140,30 @@ impl Pilot {
         self.way.clear(place);
         self.doing = Doing::Driving;
         self.commanded_m = None;
+        (self.refusals, self.failures) = (0, 0);
+    }
+
+    /// Tells how many searches in a row have found nothing on the way that can be reached.
+    pub fn failures(&self) -> u32 {
+        self.failures
+    }
+
+    /// Gives up the way to the next stop, which cannot be reached; gives the stops at it.
+    pub fn skip(&mut self, place: Point) -> Vec<StopId> {
+        self.commanded_m = None;
+        self.way.skip(place)
+    }
+
+    /// Remembers what made the reflex halt.
+    pub fn bumped(&mut self, now: Time, bump: Bump) {
+        self.bumps.retain(|known| known.until > now);
+        self.bumps.push(bump);
+    }
+
+    /// Forgets the standing command, which was refused.
+    pub fn refused(&mut self, now: Time) {
+        self.refusals += 1;
+        self.halted(now);
     }
 
     /// Takes where peers stand, to be planned around.
@@ -167,6 +206,9 @@ impl Pilot {
     pub fn advance(&mut self, now: Time, state: &State, met: &mut Vec<Met>) -> Option<Command> {
         let pose = Pose::from(state.pose);
         let resting = !matches!(state.mode, Mode::Driving | Mode::Turning);
+        if !resting {
+            self.refusals = 0;
+        }
         met.extend(self.way.pass(pose.at).into_iter().map(Met::Stop));
         if resting && self.way.end().distance_to(pose.at) <= ARRIVED_M && self.is_settled(now) {
             met.extend(self.way.arrive().into_iter().map(Met::Stop));
@@ -194,11 +236,31 @@ impl Pilot {
         now.since(self.commanded_at) >= RETRY_AFTER
     }
 
-    fn release(&self, pose: Pose) -> Release {
+    fn release(&self, now: Time, pose: Pose) -> Release {
         let points = self.way.points();
         let half_width_m = self.half_width_m(pose);
         let view = self.map.view(self.settings.slice, self.around(pose.at, AHEAD_M + 2.0));
-        Corridor { half_width_m, ahead_m: AHEAD_M }.released(&view, &points, pose.at)
+        let mut release = Corridor { half_width_m, ahead_m: AHEAD_M }.released(&view, &points, pose.at);
+        for bump in self.bumps.iter().filter(|bump| bump.until > now) {
+            self.hold_before(bump, pose, &mut release);
+        }
+        release
+    }
+
+    /// Ends a release where the way would lead to what made the reflex halt.
+    fn hold_before(&self, bump: &Bump, pose: Pose, release: &mut Release) {
+        let (here_m, bump_m) = (release.here_m, bump.at.distance_to(pose.at));
+        let steps = (release.ahead_m() / STEP_M).ceil() as usize;
+        let leads_there = |step: &usize| {
+            let until_m = (here_m + *step as f64 * STEP_M).min(release.free_until_m);
+            let route = self.way.until(pose.at, here_m, until_m);
+            route.windows(2).any(|pair| !bump.is_passed_by(Segment::new(pair[0], pair[1]), bump_m))
+        };
+        if let Some(step) = (1..=steps).find(leads_there) {
+            let at_m = here_m + (step - 1) as f64 * STEP_M;
+            release.free_until_m = at_m;
+            (release.blocked, release.blocked_at_m) = (Some(bump.at), Some(at_m));
+        }
     }
 
     fn half_width_m(&self, pose: Pose) -> f64 {
@@ -210,7 +272,7 @@ impl Pilot {
     }
 
     fn drive(&mut self, now: Time, pose: Pose, resting: bool, met: &mut Vec<Met>) -> Option<Command> {
-        let release = self.release(pose);
+        let release = self.release(now, pose);
         let whole_m = self.way.length_m();
         let ends_way = release.free_until_m >= whole_m - 1e-6;
         let until_m = if ends_way { whole_m } else { release.free_until_m - BACKOFF_M };
@@ -225,6 +287,12 @@ impl Pilot {
             return (renew || ends).then(|| self.command(now, pose, release.here_m, until_m)).flatten();
         }
         if !self.is_settled(now) {
+            return None;
+        }
+        if self.refusals >= REFUSALS_MAX {
+            self.refusals = 0;
+            met.push(Met::Blocked(pose.at));
+            self.search(now, pose);
             return None;
         }
         if goes_m >= GO_M || (ends_way && goes_m > 0.0) {
@@ -267,7 +335,7 @@ impl Pilot {
     }
 
     fn look(&mut self, now: Time, pose: Pose, resting: bool, met: &mut Vec<Met>) -> Option<Command> {
-        let release = self.release(pose);
+        let release = self.release(now, pose);
         let Doing::Looking(look) = &mut self.doing else { return None };
         if resting && release.ahead_m() >= GO_M {
             self.doing = Doing::Driving;
@@ -293,7 +361,7 @@ impl Pilot {
         let rules = Rules { escape_m: ESCAPE_M, ..Rules::default() };
         let mut found = None;
         for (index, corner) in self.way.ahead().enumerate() {
-            if let Some(points) = self.path(pose, corner.at, &rules) {
+            if let Some(points) = self.path(now, pose, corner.at, !self.looked, &rules) {
                 found = Some((index + 1, points));
                 break;
             }
@@ -301,16 +369,45 @@ impl Pilot {
         self.doing = Doing::Planning { ready: now + self.settings.path_time, found };
     }
 
-    fn path(&self, pose: Pose, goal: Point, rules: &Rules) -> Option<Vec<Point>> {
+    /// Tells whether a place could be reached, as far as is known; unknown cells count as free.
+    pub fn can_reach(&self, now: Time, state: &State, place: Point) -> bool {
+        let rules = Rules { escape_m: ESCAPE_M, ..Rules::default() };
+        self.path(now, Pose::from(state.pose), place, true, &rules).is_some()
+    }
+
+    fn path(
+        &self,
+        now: Time,
+        pose: Pose,
+        goal: Point,
+        unknown_allowed: bool,
+        rules: &Rules,
+    ) -> Option<Vec<Point>> {
         let area = CellRect::around(self.settings.lattice, &[pose.at, goal], SEARCH_MARGIN_M)?;
         let view = self.map.view(self.settings.slice, area);
-        let mut grid = Grid::of_map(&view, area, self.half_width_m(pose), !self.looked).ok()?;
-        let (fence, radius_m) = (&self.settings.fence, self.settings.body.radius_m);
-        grid.close_where(|place| !fence.contains_disc(place, radius_m));
-        for peer in &self.peers {
-            grid.close_within(Segment::new(*peer, *peer), self.settings.safety.separation_m);
-        }
+        let mut grid = Grid::of_map(&view, area, self.half_width_m(pose), unknown_allowed).ok()?;
+        self.close(&mut grid, now, pose, goal);
         shortest_route(&grid, pose.at, goal, rules).ok().map(|route| route.points)
+    }
+
+    /// Closes what the map does not know: the fence, peers that stand, and what made the reflex halt. Where the
+    /// vehicle stands, or the goal lies, nearer than wished, that much must do.
+    fn close(&self, grid: &mut Grid, now: Time, pose: Pose, goal: Point) {
+        let cell_m = self.settings.lattice.cell_m();
+        let (fence, radius_m) = (&self.settings.fence, self.settings.body.radius_m);
+        let edge_m = fence.distance_to_edge(pose.at).min(fence.distance_to_edge(goal)) - cell_m;
+        let fence_m = self.half_width_m(pose).min(edge_m).max(radius_m);
+        grid.close_where(|place| !fence.contains_disc(place, fence_m));
+        let mut keep = |at: Point, keep_m: f64| {
+            let keep_m = (keep_m + cell_m).min(at.distance_to(pose.at) - cell_m);
+            grid.close_within(Segment::new(at, at), keep_m);
+        };
+        for peer in &self.peers {
+            keep(*peer, self.settings.safety.separation_m);
+        }
+        for bump in self.bumps.iter().filter(|bump| bump.until > now) {
+            keep(bump.at, bump.keep_m);
+        }
     }
 
     fn take_path(&mut self, now: Time, pose: Pose, met: &mut Vec<Met>) -> Option<Command> {
@@ -319,11 +416,14 @@ impl Pilot {
             return None;
         }
         let Some((count, points)) = found.take() else {
-            met.push(Met::NoPath("nothing ahead can be reached over what is known".to_owned()));
             self.looked = false;
-            self.doing = Doing::Waiting { until: now + SEARCH_AGAIN };
+            self.failures += 1;
+            met.push(Met::NoPath(self.failures));
+            let wait = SEARCH_AGAIN * self.failures.min(LONGEST_WAIT);
+            self.doing = Doing::Waiting { until: now + wait };
             return None;
         };
+        self.failures = 0;
         let length_m = points.windows(2).map(|pair| Segment::new(pair[0], pair[1]).length_m()).sum();
         met.push(Met::Path(length_m));
         self.way.replace(pose.at, count, &points[1..]);

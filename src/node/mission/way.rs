@@ -66,6 +66,17 @@ impl Way {
         self.behind = from;
     }
 
+    /// Leaves out what is ahead up to the next stop, from a place where the vehicle rests; gives the stops there.
+    pub fn skip(&mut self, place: Point) -> Vec<StopId> {
+        self.behind = place;
+        while let Some(corner) = self.ahead.pop_front() {
+            if !corner.stops.is_empty() {
+                return corner.stops;
+            }
+        }
+        Vec::new()
+    }
+
     /// Forgets everything ahead.
     pub fn clear(&mut self, place: Point) {
         *self = Way { behind: place, ahead: VecDeque::new(), behind_m: self.behind_m };
