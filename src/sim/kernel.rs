@@ -453,6 +453,10 @@ impl Kernel {
                 self.record.failure = Some(reason.clone());
                 self.ended = true;
             }
+            GroundNote::Stalled(run) => {
+                self.record.failure = Some(format!("sweep {run} cannot be ended: no vehicle gets on"));
+                self.ended = true;
+            }
             GroundNote::Replans(_) => {}
         }
     }

@@ -43,6 +43,8 @@ const ENTER_FAR_M: f64 = 20.0;
 const FAILURES_MAX: u32 = 3;
 /// So many stops at the end of a plan may be given up although nothing behind them can be reached.
 const LAST_STOPS: usize = 4;
+/// So many stops in a row may be given up: beyond that the ring is closed off.
+const SKIPS_MAX: u32 = 16;
 /// So many stops behind those entered are tried before one is given up.
 const LOOK_STOPS: usize = 8;
 /// A plan may begin at most this far from where the vehicle stands, metres.
@@ -134,6 +136,8 @@ pub struct Mission {
     said: Progress,
     said_measure: Option<RunId>,
     finished: bool,
+    /// Stops given up since one was reached.
+    skips: u32,
     repeat_at: Time,
 }
 
@@ -159,6 +163,7 @@ impl Mission {
             said,
             said_measure: None,
             finished: false,
+            skips: 0,
             repeat_at,
         }
     }
@@ -189,10 +194,18 @@ impl Mission {
     }
 
     fn follow(&mut self, now: Time, out: &mut Vec<Out>) {
+        if let Some(follower) = &mut self.follower {
+            follower.resume();
+        }
         self.enter_legs();
         self.drive(now, out);
         if let Some(follower) = &mut self.follower {
             follower.wake(now);
+        }
+        // Who gets nowhere lets the ground plan anew from here.
+        let commanded = out.iter().any(|said| matches!(said, Out::Command(_)));
+        if self.pilot.failures() >= FAILURES_MAX && !commanded {
+            self.stay();
         }
     }
 
@@ -217,10 +230,11 @@ impl Mission {
         let behind = self.stops_behind();
         let reach = |stop: &Stop| self.pilot.can_reach(now, state, stop.at.into());
         let is_end = behind.is_empty() && self.pilot.way().ahead().count() <= LAST_STOPS;
-        if !is_end && !behind.iter().take(LOOK_STOPS).any(reach) {
+        if self.skips >= SKIPS_MAX || (!is_end && !behind.iter().take(LOOK_STOPS).any(reach)) {
             return;
         }
         let place = Point::from(state.pose.at);
+        self.skips += 1;
         for stop in self.pilot.skip(place) {
             out.push(Out::Remark(Remark::Skipped(stop)));
             self.done(now, stop, place);
@@ -259,6 +273,7 @@ impl Mission {
         let remark = match met {
             Met::Stop(stop) => {
                 let place = self.state.as_ref().map(|state| Point::from(state.pose.at)).unwrap_or_default();
+                self.skips = 0;
                 self.done(now, stop, place);
                 Remark::Done(stop)
             }

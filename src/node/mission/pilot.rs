@@ -16,7 +16,7 @@ use super::super::Settings;
 use super::super::vehicle::{Bump, Command};
 use super::look::{Look, Next};
 use super::way::Way;
-use crate::geom::{Point, Pose, Rect, Segment};
+use crate::geom::{Angle, Point, Pose, Rect, Segment};
 use crate::map::{CellRect, Merged};
 use crate::plan::{Corridor, Grid, Release, Rules, shortest_route};
 use crate::time::{Deadline, Time};
@@ -222,10 +222,13 @@ impl Pilot {
             Doing::Driving => self.drive(now, pose, resting, met),
             Doing::Looking(_) => self.look(now, pose, resting, met),
             Doing::Planning { .. } => self.take_path(now, pose, met),
-            Doing::Waiting { until } => {
-                if now >= *until {
-                    self.doing = Doing::Driving;
-                }
+            Doing::Waiting { until } if now < *until => None,
+            // What was taken for an obstacle is looked at again, in every second try.
+            Doing::Waiting { .. } if self.failures % 2 == 1 && resting => {
+                Some(self.look_around(now, pose.at.angle_to(self.way.end()), pose.at, met))
+            }
+            Doing::Waiting { .. } => {
+                self.doing = Doing::Driving;
                 None
             }
         }
@@ -320,11 +323,7 @@ impl Pilot {
         let blocked_m = release.blocked_at_m.unwrap_or(f64::INFINITY);
         match release.unknown.filter(|_| release.unknown_at_m.is_some_and(|at_m| at_m <= blocked_m)) {
             Some(unknown) if !self.looked => {
-                met.push(Met::Looks(unknown));
-                let look = Look::toward(pose.at.angle_to(unknown), now);
-                self.doing = Doing::Looking(look);
-                self.commanded_at = now;
-                Some(Command::Turn(look.heading()))
+                Some(self.look_around(now, pose.at.angle_to(unknown), unknown, met))
             }
             unknown => {
                 met.push(Met::Blocked(release.blocked.or(unknown).unwrap_or(pose.at)));
@@ -332,6 +331,15 @@ impl Pilot {
                 None
             }
         }
+    }
+
+    /// Begins to look around, first in a direction.
+    fn look_around(&mut self, now: Time, toward: Angle, at: Point, met: &mut Vec<Met>) -> Command {
+        met.push(Met::Looks(at));
+        let look = Look::toward(toward, now);
+        self.doing = Doing::Looking(look);
+        self.commanded_at = now;
+        Command::Turn(look.heading())
     }
 
     fn look(&mut self, now: Time, pose: Pose, resting: bool, met: &mut Vec<Met>) -> Option<Command> {
