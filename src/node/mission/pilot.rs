@@ -8,6 +8,7 @@
 //!      └─ end of the way reached ─► at rest
 //! ```
 
+use std::collections::VecDeque;
 use std::time::Duration;
 
 use tomoswarm_proto::{Mode, State, StopId, TileReport};
@@ -39,6 +40,13 @@ const RETRY_AFTER: Duration = Duration::from_millis(600);
 const SEARCH_AGAIN: Duration = Duration::from_secs(3);
 /// The longest such wait, in shortest ones.
 const LONGEST_WAIT: u32 = 4;
+/// Looks at one place before what is unknown counts as barred.
+const LOOKS_MAX: u32 = 4;
+/// Places remembered to go back to, and how far apart they are, metres.
+const TRAIL: usize = 16;
+const TRAIL_STEP_M: f64 = 0.5;
+/// A place to go back to is at least this far away, metres.
+const RETREAT_M: f64 = 1.0;
 /// After so many refusals in a row, peers that stand are planned around.
 const REFUSALS_MAX: u32 = 4;
 /// Paths are searched in a rectangle this much larger than start and goal, metres.
@@ -93,6 +101,12 @@ pub struct Pilot {
     peers: Vec<Point>,
     /// What made the reflex halt lately, whether the map shows it or not.
     bumps: Vec<Bump>,
+    /// Looks since the last drive.
+    looks: u32,
+    /// Where the vehicle has been, oldest first: the way back out of a dead end.
+    trail: VecDeque<Point>,
+    /// On the way back out of a dead end: at its end a path is searched, whatever is released.
+    retreats: bool,
     /// Commands refused in a row.
     refusals: u32,
     /// Searches without a result in a row.
@@ -112,6 +126,9 @@ impl Pilot {
             looked: false,
             peers: Vec::new(),
             bumps: Vec::new(),
+            looks: 0,
+            trail: VecDeque::new(),
+            retreats: false,
             refusals: 0,
             failures: 0,
         }
@@ -206,6 +223,7 @@ impl Pilot {
     pub fn advance(&mut self, now: Time, state: &State, met: &mut Vec<Met>) -> Option<Command> {
         let pose = Pose::from(state.pose);
         let resting = !matches!(state.mode, Mode::Driving | Mode::Turning);
+        self.remember(pose.at);
         if !resting {
             self.refusals = 0;
         }
@@ -292,14 +310,16 @@ impl Pilot {
         if !self.is_settled(now) {
             return None;
         }
-        if self.refusals >= REFUSALS_MAX {
+        if self.refusals >= REFUSALS_MAX || self.has_retreated() {
             self.refusals = 0;
+            self.retreats = false;
             met.push(Met::Blocked(pose.at));
             self.search(now, pose);
             return None;
         }
         if goes_m >= GO_M || (ends_way && goes_m > 0.0) {
             self.looked = false;
+            self.looks = 0;
             return self.command(now, pose, release.here_m, until_m);
         }
         resting.then(|| self.overcome(now, pose, &release, met)).flatten()
@@ -322,7 +342,8 @@ impl Pilot {
     fn overcome(&mut self, now: Time, pose: Pose, release: &Release, met: &mut Vec<Met>) -> Option<Command> {
         let blocked_m = release.blocked_at_m.unwrap_or(f64::INFINITY);
         match release.unknown.filter(|_| release.unknown_at_m.is_some_and(|at_m| at_m <= blocked_m)) {
-            Some(unknown) if !self.looked => {
+            Some(unknown) if !self.looked && self.looks < LOOKS_MAX => {
+                self.looks += 1;
                 Some(self.look_around(now, pose.at.angle_to(unknown), unknown, met))
             }
             unknown => {
@@ -345,7 +366,7 @@ impl Pilot {
     fn look(&mut self, now: Time, pose: Pose, resting: bool, met: &mut Vec<Met>) -> Option<Command> {
         let release = self.release(now, pose);
         let Doing::Looking(look) = &mut self.doing else { return None };
-        if resting && release.ahead_m() >= GO_M {
+        if resting && release.ahead_m() >= GO_M + BACKOFF_M {
             self.doing = Doing::Driving;
             return self.drive(now, pose, resting, met);
         }
@@ -374,7 +395,31 @@ impl Pilot {
                 break;
             }
         }
+        if found.is_none() && self.failures % 3 == 2 {
+            found = self.retreat(now, pose, &rules).map(|points| (0, points));
+            self.retreats = found.is_some();
+        }
         self.doing = Doing::Planning { ready: now + self.settings.path_time, found };
+    }
+
+    /// Searches a path back to where the vehicle came from, as far back as can be: things look different from there.
+    fn retreat(&self, now: Time, pose: Pose, rules: &Rules) -> Option<Vec<Point>> {
+        let far = |place: &&Point| place.distance_to(pose.at) >= RETREAT_M;
+        self.trail.iter().filter(far).find_map(|place| self.path(now, pose, *place, true, rules))
+    }
+
+    /// Tells whether the way back out of a dead end has been driven.
+    fn has_retreated(&self) -> bool {
+        self.retreats && self.way.ahead().next().is_some_and(|corner| !corner.stops.is_empty())
+    }
+
+    fn remember(&mut self, place: Point) {
+        if self.trail.back().is_none_or(|last| last.distance_to(place) >= TRAIL_STEP_M) {
+            self.trail.push_back(place);
+        }
+        if self.trail.len() > TRAIL {
+            self.trail.pop_front();
+        }
     }
 
     /// Tells whether a place could be reached, as far as is known; unknown cells count as free.
@@ -431,7 +476,11 @@ impl Pilot {
             self.doing = Doing::Waiting { until: now + wait };
             return None;
         };
-        self.failures = 0;
+        if count > 0 {
+            self.failures = 0;
+        } else {
+            self.failures += 1;
+        }
         let length_m = points.windows(2).map(|pair| Segment::new(pair[0], pair[1]).length_m()).sum();
         met.push(Met::Path(length_m));
         self.way.replace(pose.at, count, &points[1..]);
