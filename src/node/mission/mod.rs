@@ -229,7 +229,7 @@ impl Mission {
         let (Some(state), Wanted::Following) = (&self.state, self.wanted) else { return };
         let behind = self.stops_behind();
         let reach = |stop: &Stop| self.pilot.can_reach(now, state, stop.at.into());
-        let is_end = behind.is_empty() && self.pilot.way().ahead().count() <= LAST_STOPS;
+        let is_end = behind.is_empty() && self.pilot.way().stops().count() <= LAST_STOPS;
         if self.skips >= SKIPS_MAX || (!is_end && !behind.iter().take(LOOK_STOPS).any(reach)) {
             return;
         }

@@ -101,6 +101,8 @@ pub struct Pilot {
     peers: Vec<Point>,
     /// What made the reflex halt lately, whether the map shows it or not.
     bumps: Vec<Bump>,
+    /// A path was found, and nothing of it has been driven.
+    path_is_fresh: bool,
     /// Looks since the last drive.
     looks: u32,
     /// Where the vehicle has been, oldest first: the way back out of a dead end.
@@ -126,6 +128,7 @@ impl Pilot {
             looked: false,
             peers: Vec::new(),
             bumps: Vec::new(),
+            path_is_fresh: false,
             looks: 0,
             trail: VecDeque::new(),
             retreats: false,
@@ -227,10 +230,7 @@ impl Pilot {
         if !resting {
             self.refusals = 0;
         }
-        met.extend(self.way.pass(pose.at).into_iter().map(Met::Stop));
-        if resting && self.way.end().distance_to(pose.at) <= ARRIVED_M && self.is_settled(now) {
-            met.extend(self.way.arrive().into_iter().map(Met::Stop));
-        }
+        self.pass(now, pose, resting, met);
         if self.way.is_empty() {
             self.commanded_m = None;
             self.doing = Doing::Driving;
@@ -250,6 +250,17 @@ impl Pilot {
                 None
             }
         }
+    }
+
+    fn pass(&mut self, now: Time, pose: Pose, resting: bool, met: &mut Vec<Met>) {
+        let mut passed = self.way.pass(pose.at);
+        if resting && self.way.end().distance_to(pose.at) <= ARRIVED_M && self.is_settled(now) {
+            passed.extend(self.way.arrive());
+        }
+        if !passed.is_empty() {
+            self.failures = 0;
+        }
+        met.extend(passed.into_iter().map(Met::Stop));
     }
 
     /// Tells whether the last command has had time to show in the state.
@@ -320,6 +331,7 @@ impl Pilot {
         if goes_m >= GO_M || (ends_way && goes_m > 0.0) {
             self.looked = false;
             self.looks = 0;
+            self.path_is_fresh = false;
             return self.command(now, pose, release.here_m, until_m);
         }
         resting.then(|| self.overcome(now, pose, &release, met)).flatten()
@@ -348,7 +360,11 @@ impl Pilot {
             }
             unknown => {
                 met.push(Met::Blocked(release.blocked.or(unknown).unwrap_or(pose.at)));
-                self.search(now, pose);
+                if std::mem::take(&mut self.path_is_fresh) {
+                    self.fail(now, met);
+                } else {
+                    self.search(now, pose);
+                }
                 None
             }
         }
@@ -469,23 +485,27 @@ impl Pilot {
             return None;
         }
         let Some((count, points)) = found.take() else {
-            self.looked = false;
-            self.failures += 1;
-            met.push(Met::NoPath(self.failures));
-            let wait = SEARCH_AGAIN * self.failures.min(LONGEST_WAIT);
-            self.doing = Doing::Waiting { until: now + wait };
+            self.fail(now, met);
             return None;
         };
-        if count > 0 {
-            self.failures = 0;
-        } else {
+        if count == 0 {
             self.failures += 1;
         }
+        self.path_is_fresh = true;
         let length_m = points.windows(2).map(|pair| Segment::new(pair[0], pair[1]).length_m()).sum();
         met.push(Met::Path(length_m));
         self.way.replace(pose.at, count, &points[1..]);
         self.commanded_m = None;
         self.doing = Doing::Driving;
         None
+    }
+
+    /// Nothing was found, or what was found is blocked at once: waits, each time longer.
+    fn fail(&mut self, now: Time, met: &mut Vec<Met>) {
+        self.looked = false;
+        self.failures += 1;
+        met.push(Met::NoPath(self.failures));
+        let wait = SEARCH_AGAIN * self.failures.min(LONGEST_WAIT);
+        self.doing = Doing::Waiting { until: now + wait };
     }
 }

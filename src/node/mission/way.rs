@@ -42,6 +42,11 @@ impl Way {
         self.ahead.iter()
     }
 
+    /// Gives the stops ahead.
+    pub fn stops(&self) -> impl Iterator<Item = StopId> {
+        self.ahead.iter().flat_map(|corner| corner.stops.iter().copied())
+    }
+
     /// Gives the end of the way.
     pub fn end(&self) -> Point {
         self.ahead.back().map_or(self.behind, |corner| corner.at)
