@@ -25,9 +25,9 @@ pub fn load(file: Option<&Path>, vehicles: Option<usize>) -> Result<Loaded, CliE
     let Some(path) = file else {
         return load_with(bundled::COURTYARD, vehicles, &mut |name| bundled::load(name));
     };
-    load_with(&path.to_string_lossy(), vehicles, &mut read::named_in_config).map_err(|error| match error {
+    load_with(&read::shown(path), vehicles, &mut read::around(path)).map_err(|error| match error {
         // The simulation file itself is named by the user, not by another file.
-        CliError::Input { path: ref missing, .. } if missing == path => {
+        CliError::Input { path: ref missing, .. } if *missing == Path::new(&read::shown(path)) => {
             read::text(path).err().unwrap_or(error)
         }
         other => other,
