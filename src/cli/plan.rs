@@ -10,7 +10,7 @@ use super::load;
 use crate::geom::Point;
 use crate::ground::planner::{Request, plan};
 use crate::sim::Scenario;
-use crate::sweep::{Sweep, check_separation, expected_duration_s, tracks_of};
+use crate::sweep::{Sweep, SweepError, check_separation, expected_duration_s, tracks_of};
 
 /// Plan a sweep and show it: laps, stops, lengths, and how long it will take.
 ///
@@ -50,19 +50,22 @@ impl PlanArgs {
     pub fn run(&self, out: &mut dyn Write) -> Result<(), CliError> {
         let loaded = load::load(self.config.as_deref(), self.vehicles)?;
         let scenario = load::scenario(loaded, self.config.as_deref(), None)?;
-        let sweep = planned(&scenario)?;
+        let sweep = planned(&scenario).map_err(|error| CliError::Usage(error.to_string()))?;
         let text = if self.stops { stops(&sweep.plans) } else { summary(&scenario, &sweep)? };
         let failed = |source| CliError::Write { path: "standard output".into(), source };
         out.write_all(text.as_bytes()).map_err(failed)
     }
 }
 
-fn planned(scenario: &Scenario) -> Result<Sweep, CliError> {
+/// Plans the sweep of a scenario from its homes, as the ground station does when a run begins.
+///
+/// # Errors
+/// No sweep can be planned.
+pub(super) fn planned(scenario: &Scenario) -> Result<Sweep, SweepError> {
     let sim = scenario.sim();
     let places = sim.vehicle_ids().filter_map(|id| Some((id, sim.home(id)?))).collect();
     let request = Request { run: RunId(1), revision: Revision(1), places, first_lap: 0 };
-    let planned = plan(scenario.ring(), scenario.method(), sim.safety.separation_m, &request);
-    planned.map_err(|error| CliError::Usage(format!("no sweep can be planned: {error}")))
+    plan(scenario.ring(), scenario.method(), sim.safety.separation_m, &request)
 }
 
 fn summary(scenario: &Scenario, sweep: &Sweep) -> Result<String, CliError> {

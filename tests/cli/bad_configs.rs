@@ -94,6 +94,18 @@ fn homes_must_lie_inside_the_fence_and_apart() {
 }
 
 #[test]
+fn a_sweep_that_cannot_be_planned_is_refused_before_it_begins() {
+    let desk = Desk::new();
+    desk.change("small.sim.toml", "positions = 24", "positions = 8");
+    for command in ["check", "sim", "plan"] {
+        desk.refused(
+            &[command, "small.sim.toml"],
+            &["small.sim.toml: no sweep can be planned", "at least 10"],
+        );
+    }
+}
+
+#[test]
 fn every_file_is_looked_at_although_one_is_wrong() {
     let desk = Desk::new();
     let said = desk.run(&["check", "gone.csv", "small.sim.toml", "small.xyz", "small.wrl"]);
