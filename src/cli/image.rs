@@ -70,7 +70,7 @@ Examples:
   tomoswarm image links.csv --pixels 80x80 --area 0,0,20,20 --npy structure.npy
   tomoswarm image dump.json --json result.json --peaks 1             the strongest peak, for a script
 
-Exit codes: 0 done; 1 stopped by Ctrl-C; 2 bad usage or recordings, or a file that cannot be written.";
+Exit codes: 0 done; 2 bad usage or recordings, or a file that cannot be written.";
 
 /// The solvers by name.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, ValueEnum)]
@@ -155,7 +155,6 @@ impl ImageCommand {
     /// # Errors
     /// Files that cannot be read or written, [`ImageError`]; nothing is written then.
     pub fn run(&self, out: &mut dyn std::io::Write) -> Result<(), CliError> {
-        let stop = Stop::listen();
         self.check_files()?;
         let (now, unit) = read_files(&self.files, None)?;
         let (empty, _) = read_files(&self.empty, Some(unit))?;
@@ -165,9 +164,8 @@ impl ImageCommand {
         let empty = (!self.empty.is_empty()).then_some(empty.as_slice());
         let result = reconstruct(&now, empty, &settings)
             .map_err(|problem| ImageError::NoImage { path: self.files[0].clone(), problem })?;
-        if stop.is_asked() {
-            return Err(CliError::Mission("it was asked to stop; nothing is written".to_owned()));
-        }
+        // Until here Ctrl-C ends the program at once and leaves nothing; what is begun now is ended.
+        let _stop = Stop::listen();
         Outputs::open(self)?.write(&result, &settings, unit)?;
         let written = out.write_all(summary(&result, unit).as_bytes()).and_then(|()| out.flush());
         written.map_err(|source| CliError::Write { path: "standard output".into(), source })

@@ -94,6 +94,22 @@ fn two_runs_side_by_side_do_not_disturb_each_other() {
 }
 
 #[test]
+fn an_image_that_is_ended_leaves_nothing() {
+    let desk = Desk::new();
+    let line = |n: u32| format!("{}.{:03},0,{}.5,20,-5{}\n", n % 20, n % 997, n % 19, n % 7);
+    let lines: String = (0..20_000).map(line).collect();
+    desk.write("a.csv", format!("tx_x_m,tx_y_m,rx_x_m,rx_y_m,rssi_dbm\n{lines}"));
+    desk.write("i.png", "of an earlier run");
+    let before = desk.files();
+    let child =
+        start(&desk, &["image", "a.csv", "--pixels", "300x300", "--png", "i.png", "--json", "i.json"]);
+    (0..20).for_each(|_| pause());
+    signal(&child, "-TERM");
+    assert_eq!(end(child).status.code(), None, "it was over before it was ended");
+    assert_eq!(desk.files(), before);
+}
+
+#[test]
 fn trials_that_are_asked_to_end_say_how_many_were_run() {
     let desk = long_world();
     let before = desk.files();
