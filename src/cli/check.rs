@@ -7,11 +7,10 @@ use std::path::{Path, PathBuf};
 
 use super::describe::describe;
 use super::error::CliError;
-use super::image::bounds;
+use super::image::{bounds, read_file};
 use super::load;
 use super::read;
-use super::recording::read_recording;
-use crate::config::{self, Config, Up};
+use crate::config::{self, Config, SceneFile, Up};
 use crate::scene::VrmlScene;
 
 /// DEF names that are listed.
@@ -19,13 +18,25 @@ const NAMES_SHOWN: usize = 30;
 
 /// Validate configs, scenes and recordings; print what was understood.
 ///
-/// Every mistake is listed with file, line, key, value and what is allowed. Exit code 2 if there is any.
+/// Every mistake is listed with file, line, key, value and what is allowed. What is right is shown with all its values,
+/// also those that were left out and have defaults. Nothing is written.
 #[derive(clap::Args, Debug)]
+#[command(after_help = AFTER_HELP)]
 pub struct CheckArgs {
-    /// Files to check: .toml (venue, scene, sim), .wrl, .csv, .json
+    /// Files to check: .toml (venue, scene, sim), .wrl (shapes), .csv and .json (recordings)
     #[arg(required = true, value_name = "FILE")]
     pub files: Vec<PathBuf>,
 }
+
+const AFTER_HELP: &str = "\
+A simulation is checked together with the venue, the scene and the shapes that it names.
+
+Examples:
+  tomoswarm check configs/courtyard.sim.toml          a simulation and all that it names
+  tomoswarm check scenes/courtyard.wrl                faces, triangles and DEF names of shapes
+  tomoswarm check out/courtyard-1/links.csv           how many links, and where
+
+Exit codes: 0 all files are right; 2 any is not.";
 
 /// What a file is taken for, by its ending.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
@@ -50,7 +61,7 @@ impl CheckArgs {
             match understand(path) {
                 Ok(understood) => {
                     let written = write!(out, "{}: {understood}", path.display());
-                    written.map_err(|source| CliError::Write { path: "the answer".into(), source })?;
+                    written.map_err(|source| CliError::Write { path: "standard output".into(), source })?;
                 }
                 Err(error) => wrong.push(error),
             }
@@ -60,6 +71,10 @@ impl CheckArgs {
 }
 
 fn kind_of(path: &Path) -> Result<Kind, CliError> {
+    if path.is_dir() {
+        let source = std::io::ErrorKind::IsADirectory.into();
+        return Err(CliError::Read { path: path.to_owned(), source });
+    }
     let ending = path.extension().and_then(|ending| ending.to_str()).unwrap_or_default();
     match ending.to_ascii_lowercase().as_str() {
         "toml" => Ok(Kind::Config),
@@ -83,8 +98,8 @@ fn understand(path: &Path) -> Result<String, CliError> {
 /// Reads a configuration; a simulation also as far as it can be told without running it.
 fn understand_config(path: &Path) -> Result<String, CliError> {
     let text = read::text(path)?;
-    let name = path.to_string_lossy();
-    let config = config::read(&name, &text, &mut read::named_in_config)?;
+    let loader = &mut read::around(path);
+    let config = config::read(&read::shown(path), &text, loader)?;
     let mut understood = describe(&config);
     match &config {
         Config::Sim(_) => {
@@ -93,16 +108,33 @@ fn understand_config(path: &Path) -> Result<String, CliError> {
             load::scenario(loaded, Some(path), None)?;
         }
         Config::Scene(scene) => {
-            understood += &shapes_lines(&load::shapes_of(scene, &mut read::named_in_config)?);
+            let shapes = load::shapes_of(scene, loader)?;
+            check_materials(path, scene, &shapes)?;
+            understood += &shapes_lines(&shapes);
         }
         Config::Venue(_) => {}
     }
     Ok(understood)
 }
 
+/// Refuses materials for shapes that there are none of; a simulation is refused for them as well.
+fn check_materials(path: &Path, scene: &SceneFile, shapes: &VrmlScene) -> Result<(), CliError> {
+    let is_known =
+        |name: &str| shapes.shapes.iter().any(|shape| shape.names.iter().any(|known| **known == *name));
+    let unknown = |name: &String| CliError::Input {
+        path: path.to_owned(),
+        reason: format!(
+            "material.{name}: no shape lies in a DEF of this name; expected one of: {}",
+            names_line(shapes)
+        ),
+    };
+    let wrong: Vec<CliError> = scene.materials.keys().filter(|name| !is_known(name)).map(unknown).collect();
+    if wrong.is_empty() { Ok(()) } else { Err(CliError::Several(wrong)) }
+}
+
 /// Reads shapes as they are, z up: only a scene file knows better.
 fn understand_shapes(path: &Path) -> Result<String, CliError> {
-    let shapes = load::read_shapes(&path.to_string_lossy(), Up::Z, &mut read::named_in_config)?;
+    let shapes = load::read_shapes(&read::shown(path), Up::Z, &mut read::around(path))?;
     Ok(format!("shapes (VRML97)\n{}", shapes_lines(&shapes)))
 }
 
@@ -111,14 +143,10 @@ fn shapes_lines(scene: &VrmlScene) -> String {
         .shapes
         .iter()
         .fold((0, 0), |(faces, triangles), shape| (faces + shape.faces, triangles + shape.triangles));
-    let names: BTreeSet<&str> =
-        scene.shapes.iter().flat_map(|shape| shape.names.iter().map(|name| &**name)).collect();
-    let shown: Vec<&str> = names.iter().copied().take(NAMES_SHOWN).collect();
-    let more = if names.len() > shown.len() { ", …" } else { "" };
     let mut text = format!(
-        "  shapes       {}, of {faces} faces, {triangles} triangles; DEF names: {}{more}\n",
+        "  shapes       {}, of {faces} faces, {triangles} triangles; DEF names: {}\n",
         scene.shapes.len(),
-        shown.join(", ")
+        names_line(scene)
     );
     for warning in &scene.warnings {
         text += &format!("  warning      {warning}\n");
@@ -126,10 +154,20 @@ fn shapes_lines(scene: &VrmlScene) -> String {
     text
 }
 
+/// Lists the DEF names of a scene, the first of them if there are many.
+fn names_line(scene: &VrmlScene) -> String {
+    let names: BTreeSet<&str> =
+        scene.shapes.iter().flat_map(|shape| shape.names.iter().map(|name| &**name)).collect();
+    let shown: Vec<&str> = names.iter().copied().take(NAMES_SHOWN).collect();
+    match shown.len() {
+        0 => "none".to_owned(),
+        count if count < names.len() => format!("{}, …", shown.join(", ")),
+        _ => shown.join(", "),
+    }
+}
+
 fn understand_recording(path: &Path) -> Result<String, CliError> {
-    let text = read::text(path)?;
-    let recording = read_recording(text.as_bytes())
-        .map_err(|problem| CliError::Input { path: path.to_owned(), reason: problem.to_string() })?;
+    let recording = read_file(path)?;
     let unit = recording.unit.word();
     let packets: u64 = recording.links.iter().map(|link| u64::from(link.packets)).sum();
     let area = bounds(recording.links.iter());

@@ -1,45 +1,57 @@
-//! An output folder that appears whole or not at all: files are written beside it and moved in at the end.
+//! An output folder that appears whole or not at all: files are written into a hidden stage and moved in at the
+//! end, in place of what an earlier run left there.
+//!
+//! The stage lies in the folder itself, or beside it while the folder does not exist yet. It is locked while
+//! its run lives: what a killed run left behind is not locked, and the next run removes it. A run that writes
+//! less than the one before it (no pictures) takes the older ones away, so that all files are of one run;
+//! files of other names are never touched.
 
-use std::fs;
+use std::ffi::OsStr;
+use std::fs::{self, File};
 use std::io;
 use std::path::{Path, PathBuf};
 
 use super::error::CliError;
+
+/// What the name of every stage begins with; the number of the process follows.
+const STAGE: &str = ".tomoswarm.partial-";
+/// The file in a stage that is locked while its run lives.
+const LOCK: &str = ".lock";
 
 /// Files that are to appear in a folder.
 #[derive(Debug)]
 pub struct OutputFolder {
     target: PathBuf,
     stage: PathBuf,
+    /// Folders on the way that did not exist before, deepest first.
+    made: Vec<PathBuf>,
     names: Vec<String>,
+    /// Names that belong to a run, whether this one writes them or not.
+    family: &'static [&'static str],
+    /// Held for its lock.
+    _lock: File,
 }
 
 impl OutputFolder {
-    /// Prepares a folder; finds out now whether it can be written, before any work is done.
+    /// Prepares a folder for files of the given names; finds out now whether it can be written, before any work
+    /// is done.
     ///
     /// # Errors
     /// The folder cannot be made or written.
-    pub fn prepare(target: &Path) -> Result<OutputFolder, CliError> {
+    pub fn prepare(target: &Path, family: &'static [&'static str]) -> Result<OutputFolder, CliError> {
         let fail = |source| CliError::Write { path: target.to_owned(), source };
-        if target.exists() && !target.is_dir() {
-            return Err(fail(io::Error::from(io::ErrorKind::NotADirectory)));
+        // A link that leads nowhere is in the way as well.
+        if !target.is_dir() && target.symlink_metadata().is_ok() {
+            return Err(fail(io::Error::other("something else is there; a folder is expected")));
         }
-        let name = target.file_name().ok_or_else(|| fail(io::Error::from(io::ErrorKind::InvalidInput)))?;
-        let partial = format!(".{}.partial-{}", name.to_string_lossy(), std::process::id());
-        let stage = target.with_file_name(partial);
-        fs::create_dir_all(&stage).map_err(fail)?;
-        let folder = OutputFolder { target: target.to_owned(), stage, names: Vec::new() };
-        if target.exists() {
-            folder.try_writing().map_err(fail)?;
+        let place = place_of_stage(target);
+        let made = missing(place);
+        let opened = open_stage(place);
+        if opened.is_err() {
+            remove_empty(&made);
         }
-        Ok(folder)
-    }
-
-    /// Tries whether files can be made in a folder that exists already.
-    fn try_writing(&self) -> io::Result<()> {
-        let trial = self.target.join(format!(".trial-{}", std::process::id()));
-        fs::write(&trial, [])?;
-        fs::remove_file(&trial)
+        let (stage, lock) = opened.map_err(fail)?;
+        Ok(OutputFolder { target: target.to_owned(), stage, made, names: Vec::new(), family, _lock: lock })
     }
 
     /// Writes a file, not yet visible.
@@ -53,15 +65,25 @@ impl OutputFolder {
         Ok(())
     }
 
-    /// Lets all files appear, in place of older ones of the same names.
+    /// Lets all files appear, in place of those of an earlier run.
     ///
     /// # Errors
-    /// The folder cannot be made or written.
+    /// The folder cannot be made or written; nothing of an earlier run is gone then, unless the disk fails
+    /// half-way.
     pub fn publish(self) -> Result<PathBuf, CliError> {
-        let fail = |source| CliError::Write { path: self.target.clone(), source };
-        fs::create_dir_all(&self.target).map_err(fail)?;
+        let fail = |path: &Path, source| CliError::Write { path: path.to_owned(), source };
+        fs::create_dir_all(&self.target).map_err(|source| fail(&self.target, source))?;
+        let in_the_way = self.family.iter().map(|name| self.target.join(name)).find(|path| path.is_dir());
+        if let Some(path) = in_the_way {
+            return Err(fail(&path, io::Error::other("a folder is in the way; a file is expected")));
+        }
         for name in &self.names {
-            fs::rename(self.stage.join(name), self.target.join(name)).map_err(fail)?;
+            let path = self.target.join(name);
+            fs::rename(self.stage.join(name), &path).map_err(|source| fail(&path, source))?;
+        }
+        let older = self.family.iter().filter(|name| !self.names.iter().any(|new| new == **name));
+        for path in older.map(|name| self.target.join(name)).filter(|path| path.exists()) {
+            fs::remove_file(&path).map_err(|source| fail(&path, source))?;
         }
         Ok(self.target.clone())
     }
@@ -71,12 +93,73 @@ impl Drop for OutputFolder {
     fn drop(&mut self) {
         // What is left of the stage is of no use to anybody; a second failure would tell nothing new.
         let _ = fs::remove_dir_all(&self.stage);
+        remove_empty(&self.made);
+    }
+}
+
+/// Gives the folder in which the stage lies: one from which files can be moved into the target.
+fn place_of_stage(target: &Path) -> &Path {
+    if target.is_dir() {
+        return target;
+    }
+    match target.parent() {
+        Some(parent) if parent != Path::new("") => parent,
+        Some(_) | None => Path::new("."),
+    }
+}
+
+/// Lists a folder and those above it that do not exist, deepest first.
+fn missing(folder: &Path) -> Vec<PathBuf> {
+    let is_missing = |folder: &&Path| !folder.as_os_str().is_empty() && !folder.exists();
+    folder.ancestors().take_while(is_missing).map(Path::to_owned).collect()
+}
+
+fn remove_empty(folders: &[PathBuf]) {
+    for folder in folders {
+        // It fails when there is something in it, and that is what is wanted.
+        let _ = fs::remove_dir(folder);
+    }
+}
+
+fn open_stage(place: &Path) -> io::Result<(PathBuf, File)> {
+    fs::create_dir_all(place)?;
+    remove_abandoned(place);
+    let stage = place.join(format!("{STAGE}{}", std::process::id()));
+    fs::create_dir(&stage)?;
+    let locked = File::create(stage.join(LOCK)).inspect(|lock| {
+        // Where files cannot be locked nobody takes the stage for abandoned either.
+        let _ = lock.try_lock();
+    });
+    match locked {
+        Ok(lock) => Ok((stage, lock)),
+        Err(error) => {
+            remove_empty(&[stage]);
+            Err(error)
+        }
+    }
+}
+
+/// Removes the stages of runs that were killed. It is no matter for this run when that fails.
+fn remove_abandoned(place: &Path) {
+    let is_stage = |name: &OsStr| name.to_string_lossy().starts_with(STAGE);
+    let entries = fs::read_dir(place).into_iter().flatten().flatten();
+    for stage in entries.filter(|entry| is_stage(&entry.file_name())).map(|entry| entry.path()) {
+        let is_abandoned = File::open(stage.join(LOCK)).is_ok_and(|lock| lock.try_lock().is_ok());
+        if is_abandoned {
+            let _ = fs::remove_dir_all(&stage);
+        }
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    const FAMILY: &[&str] = &["a.txt", "b.txt"];
+
+    fn prepare(target: &Path) -> Result<OutputFolder, CliError> {
+        OutputFolder::prepare(target, FAMILY)
+    }
 
     fn listed(folder: &Path) -> Vec<String> {
         let names =
@@ -90,7 +173,7 @@ mod tests {
     fn files_appear_together_and_nothing_else_is_left() {
         let root = tempfile::tempdir().unwrap();
         let target = root.path().join("run");
-        let mut folder = OutputFolder::prepare(&target).unwrap();
+        let mut folder = prepare(&target).unwrap();
         folder.write("a.txt", b"1").unwrap();
         assert!(!target.exists());
         folder.publish().unwrap();
@@ -101,20 +184,39 @@ mod tests {
     #[test]
     fn a_folder_that_is_given_up_leaves_nothing() {
         let root = tempfile::tempdir().unwrap();
-        let mut folder = OutputFolder::prepare(&root.path().join("run")).unwrap();
+        let mut folder = prepare(&root.path().join("deep/er/run")).unwrap();
         folder.write("a.txt", b"1").unwrap();
         drop(folder);
         assert!(listed(root.path()).is_empty());
     }
 
     #[test]
-    fn files_of_others_in_the_folder_stay() {
+    fn files_of_others_in_the_folder_stay_and_older_ones_of_ours_go() {
         let root = tempfile::tempdir().unwrap();
-        fs::write(root.path().join("mine.txt"), b"keep").unwrap();
-        let mut folder = OutputFolder::prepare(root.path()).unwrap();
-        folder.write("a.txt", b"1").unwrap();
+        for name in ["mine.txt", "a.txt", "b.txt"] {
+            fs::write(root.path().join(name), b"old").unwrap();
+        }
+        let mut folder = prepare(root.path()).unwrap();
+        folder.write("a.txt", b"new").unwrap();
+        assert_eq!(fs::read(root.path().join("a.txt")).unwrap(), b"old");
         folder.publish().unwrap();
         assert_eq!(listed(root.path()), ["a.txt", "mine.txt"]);
+        assert_eq!(fs::read(root.path().join("a.txt")).unwrap(), b"new");
+    }
+
+    #[test]
+    fn what_a_killed_run_left_is_removed_and_what_a_living_one_holds_is_not() {
+        let root = tempfile::tempdir().unwrap();
+        let stage = |name: &str| {
+            let stage = root.path().join(format!("{STAGE}{name}"));
+            fs::create_dir(&stage).unwrap();
+            File::create(stage.join(LOCK)).unwrap()
+        };
+        drop(stage("killed"));
+        let living = stage("living");
+        living.lock().unwrap();
+        drop(prepare(&root.path().join("run")).unwrap());
+        assert_eq!(listed(root.path()), [format!("{STAGE}living")]);
     }
 
     #[test]
@@ -122,8 +224,23 @@ mod tests {
         let root = tempfile::tempdir().unwrap();
         let path = root.path().join("taken");
         fs::write(&path, b"").unwrap();
-        let error = OutputFolder::prepare(&path).unwrap_err();
+        let error = prepare(&path).unwrap_err();
         assert!(error.to_string().contains("taken: cannot be written"), "{error}");
         assert_eq!(error.exit_code(), 2);
+        assert!(prepare(&path.join("below")).is_err());
+        assert_eq!(listed(root.path()), ["taken"]);
+    }
+
+    #[test]
+    fn a_folder_in_place_of_a_file_keeps_the_earlier_run() {
+        let root = tempfile::tempdir().unwrap();
+        fs::write(root.path().join("a.txt"), b"old").unwrap();
+        fs::create_dir(root.path().join("b.txt")).unwrap();
+        let mut folder = prepare(root.path()).unwrap();
+        folder.write("a.txt", b"new").unwrap();
+        folder.write("b.txt", b"new").unwrap();
+        let error = folder.publish().unwrap_err();
+        assert!(error.to_string().contains("b.txt: cannot be written: a folder is in the way"), "{error}");
+        assert_eq!(fs::read(root.path().join("a.txt")).unwrap(), b"old");
     }
 }

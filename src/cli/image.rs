@@ -1,7 +1,7 @@
 //! `tomoswarm image`: reconstructs an image from recorded links.
 //!
-//! Files in, files out; the work is done by `tomo`. Outputs are opened before the work and appear under their
-//! names only when complete.
+//! Files in, files out; the work is done by `tomo`. Whether outputs can be written is tried before the work; they
+//! appear under their names only when all of them are complete.
 
 use std::fs;
 use std::io::Write as _;
@@ -16,7 +16,10 @@ use crate::tomo::{
     npy_bytes, reconstruct,
 };
 
+use super::error::CliError;
+use super::read;
 use super::recording::{LengthUnit, Recording, RecordingError, read_recording};
+use super::stop::Stop;
 
 /// Reconstructs an image from recorded links.
 ///
@@ -24,8 +27,7 @@ use super::recording::{LengthUnit, Recording, RecordingError, read_recording};
 /// written by tomoswarm, and JSON recordings of the 2016 two-rover system. Several files are pooled. With --empty
 /// the image shows what changed since the empty sweep; without it, all that stands in the area.
 #[derive(Args, Clone, Debug)]
-#[command(after_help = "Examples:\n  tomoswarm image links.csv --empty empty.csv --png image.png\n  \
-    tomoswarm image dump.json --json result.json --peaks 1")]
+#[command(after_help = AFTER_HELP)]
 pub struct ImageCommand {
     /// Recordings of the sweep
     #[arg(required = true, value_name = "FILE")]
@@ -55,9 +57,20 @@ pub struct ImageCommand {
     #[arg(long, value_name = "FILE")]
     pub json: Option<PathBuf>,
     /// Most peaks that are listed
-    #[arg(long, value_name = "N", default_value_t = 5)]
+    #[arg(long, value_name = "N", default_value_t = 5, allow_negative_numbers = true)]
     pub peaks: usize,
 }
+
+const AFTER_HELP: &str = "\
+Positions, areas and peaks are in the units of the input: metres in CSV files, cells of the lattice in JSON recordings.
+Positive values are attenuation, dB per unit of length.
+
+Examples:
+  tomoswarm image links.csv --empty empty.csv --png image.png        what has changed
+  tomoswarm image links.csv --pixels 80x80 --area 0,0,20,20 --npy structure.npy
+  tomoswarm image dump.json --json result.json --peaks 1             the strongest peak, for a script
+
+Exit codes: 0 done; 2 bad usage or recordings, or a file that cannot be written.";
 
 /// The solvers by name.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, ValueEnum)]
@@ -100,16 +113,8 @@ impl WeightsName {
 /// Why there is no image. Each ends the program with exit code 2.
 #[derive(Debug, thiserror::Error)]
 pub enum ImageError {
-    /// A file that cannot be read.
-    #[error("{}: {source}, expected a readable recording", path.display())]
-    Unreadable {
-        /// The file.
-        path: PathBuf,
-        /// What the system says.
-        source: std::io::Error,
-    },
     /// A file that is not as expected.
-    #[error("{}:{problem}", path.display())]
+    #[error("{}:{}{problem}", path.display(), problem.gap())]
     Recording {
         /// The file.
         path: PathBuf,
@@ -148,9 +153,9 @@ impl ImageCommand {
     /// Reads, reconstructs, writes, and prints a summary.
     ///
     /// # Errors
-    /// [`ImageError`]; nothing is written then.
-    pub fn run(&self) -> Result<(), ImageError> {
-        let outputs = Outputs::open(self)?;
+    /// Files that cannot be read or written, [`ImageError`]; nothing is written then.
+    pub fn run(&self, out: &mut dyn std::io::Write) -> Result<(), CliError> {
+        self.check_files()?;
         let (now, unit) = read_files(&self.files, None)?;
         let (empty, _) = read_files(&self.empty, Some(unit))?;
         let settings = self.settings(now.iter().chain(&empty));
@@ -159,9 +164,26 @@ impl ImageCommand {
         let empty = (!self.empty.is_empty()).then_some(empty.as_slice());
         let result = reconstruct(&now, empty, &settings)
             .map_err(|problem| ImageError::NoImage { path: self.files[0].clone(), problem })?;
-        outputs.write(&result, &settings, unit)?;
-        print_summary(&result, unit);
-        Ok(())
+        // Until here Ctrl-C ends the program at once and leaves nothing; what is begun now is ended.
+        let _stop = Stop::listen();
+        Outputs::open(self)?.write(&result, &settings, unit)?;
+        let written = out.write_all(summary(&result, unit).as_bytes()).and_then(|()| out.flush());
+        written.map_err(|source| CliError::Write { path: "standard output".into(), source })
+    }
+
+    /// Tries whether all outputs can be written, to files of their own.
+    fn check_files(&self) -> Result<(), CliError> {
+        let outputs: Vec<&PathBuf> = [&self.png, &self.npy, &self.json].into_iter().flatten().collect();
+        for (index, output) in outputs.iter().enumerate() {
+            let mut others = self.files.iter().chain(&self.empty).chain(outputs[..index].iter().copied());
+            if others.any(|other| is_same_file(output, other)) {
+                let reason = "is to be written, but is an input or another output as well".to_owned();
+                return Err(CliError::Input { path: output.to_path_buf(), reason });
+            }
+        }
+        // A device or a pipe is opened only once: whoever reads it may take the first end for the last.
+        let mut tried = outputs.into_iter().filter(|output| !is_device(output));
+        tried.try_for_each(|output| PendingFile::open(output).map(drop)).map_err(CliError::from)
     }
 
     fn settings<'a>(&self, links: impl Iterator<Item = &'a Link>) -> Settings {
@@ -206,30 +228,46 @@ fn parse_area(text: &str) -> Result<Rect, String> {
     }
 }
 
-fn read_file(path: &Path) -> Result<Recording, ImageError> {
-    let bytes = fs::read(path).map_err(|source| ImageError::Unreadable { path: path.to_owned(), source })?;
-    read_recording(&bytes).map_err(|problem| ImageError::Recording { path: path.to_owned(), problem })
+/// Reads a recording.
+///
+/// # Errors
+/// The file cannot be read, or is no recording.
+pub(super) fn read_file(path: &Path) -> Result<Recording, CliError> {
+    let text = read::text(path)?;
+    let wrong = |problem| ImageError::Recording { path: path.to_owned(), problem };
+    Ok(read_recording(text.as_bytes()).map_err(wrong)?)
+}
+
+/// Tells whether something is there that is neither a file nor a folder.
+fn is_device(path: &Path) -> bool {
+    path.metadata().is_ok_and(|known| !known.is_file() && !known.is_dir())
+}
+
+/// Tells whether two names lead to the same file; one that does not exist yet has only its own name.
+fn is_same_file(one: &Path, other: &Path) -> bool {
+    let real = |path: &Path| {
+        let folder = path.parent().filter(|folder| *folder != Path::new("")).unwrap_or(Path::new("."));
+        let beside = || Some(folder.canonicalize().ok()?.join(path.file_name()?));
+        path.canonicalize().ok().or_else(beside)
+    };
+    real(one).is_some_and(|one| real(other) == Some(one))
 }
 
 /// Reads files that must all have one unit: the given one, else that of the first.
-fn read_files(
-    paths: &[PathBuf],
-    expected: Option<LengthUnit>,
-) -> Result<(Vec<Link>, LengthUnit), ImageError> {
+fn read_files(paths: &[PathBuf], expected: Option<LengthUnit>) -> Result<(Vec<Link>, LengthUnit), CliError> {
     let (mut links, mut unit) = (Vec::new(), expected);
     for path in paths {
         let recording = read_file(path)?;
         let expected = *unit.get_or_insert(recording.unit);
         if recording.unit != expected {
             let (found, expected) = (recording.unit.word(), expected.word());
-            return Err(ImageError::MixedUnits { path: path.clone(), found, expected });
+            return Err(ImageError::MixedUnits { path: path.clone(), found, expected }.into());
         }
         links.extend(recording.links);
     }
     Ok((links, unit.unwrap_or(LengthUnit::Metre)))
 }
 
-/// Gives the rectangle around all positions.
 /// Gives the smallest rectangle around all ends.
 pub(super) fn bounds<'a>(links: impl Iterator<Item = &'a Link>) -> Rect {
     let ends = links.flat_map(|link| [link.from, link.to]);
@@ -251,7 +289,7 @@ fn binned(links: &[Link], bin_m: f64) -> Vec<Link> {
     bins.links()
 }
 
-/// The files that will be written, already open under temporary names.
+/// The files to be written, open under temporary names.
 #[derive(Default)]
 struct Outputs {
     png: Option<PendingFile>,
@@ -286,7 +324,8 @@ impl Outputs {
 /// A file under a temporary name in its folder; it gets its name when complete and vanishes otherwise.
 struct PendingFile {
     path: PathBuf,
-    temporary: PathBuf,
+    /// `None` for a device or a pipe, which is written as it is.
+    temporary: Option<PathBuf>,
     file: fs::File,
 }
 
@@ -297,12 +336,16 @@ impl PendingFile {
         if path.is_dir() {
             return Err(failed(std::io::ErrorKind::IsADirectory.into()));
         }
+        if is_device(path) {
+            let file = fs::File::options().write(true).open(path).map_err(failed)?;
+            return Ok(PendingFile { path: path.to_owned(), temporary: None, file });
+        }
         let mut hidden = std::ffi::OsString::from(".");
         hidden.push(name);
         hidden.push(format!(".{}.part", std::process::id()));
         let temporary = path.with_file_name(hidden);
         let file = fs::File::create(&temporary).map_err(failed)?;
-        Ok(PendingFile { path: path.to_owned(), temporary, file })
+        Ok(PendingFile { path: path.to_owned(), temporary: Some(temporary), file })
     }
 
     fn fill(&mut self, bytes: &[u8]) -> Result<(), ImageError> {
@@ -312,14 +355,15 @@ impl PendingFile {
 
     fn finish(self) -> Result<(), ImageError> {
         let path = self.path.clone();
-        fs::rename(&self.temporary, &self.path).map_err(|source| ImageError::Unwritable { path, source })
+        let Some(temporary) = &self.temporary else { return Ok(()) };
+        fs::rename(temporary, &self.path).map_err(|source| ImageError::Unwritable { path, source })
     }
 }
 
 impl Drop for PendingFile {
     fn drop(&mut self) {
         // After the renaming there is nothing left to remove, and that is fine.
-        let _ = fs::remove_file(&self.temporary);
+        let _ = self.temporary.as_ref().map(fs::remove_file);
     }
 }
 
@@ -392,16 +436,17 @@ fn report(result: &Reconstruction, settings: &Settings, unit: LengthUnit) -> Val
     })
 }
 
-fn print_summary(result: &Reconstruction, unit: LengthUnit) {
+fn summary(result: &Reconstruction, unit: LengthUnit) -> String {
     let unit = unit.word();
-    println!("links: {} used, residual {:.2} dB", result.used, result.residual_rms_db);
+    let mut text = format!("links: {} used, residual {:.2} dB\n", result.used, result.residual_rms_db);
     for (reason, count) in &result.dropped {
-        println!("  {count} dropped: {}", reason.words());
+        text += &format!("  {count} dropped: {}\n", reason.words());
     }
     for peak in &result.peaks {
-        println!(
-            "peak at ({:.2}, {:.2}) {unit}: {:.2} dB/{unit}, {:.1} times the noise",
+        text += &format!(
+            "peak at ({:.2}, {:.2}) {unit}: {:.2} dB/{unit}, {:.1} times the noise\n",
             peak.at.x_m, peak.at.y_m, peak.strength, peak.significance
         );
     }
+    text
 }

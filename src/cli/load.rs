@@ -4,6 +4,7 @@
 use std::path::Path;
 
 use super::error::CliError;
+use super::plan::planned;
 use super::read;
 use crate::config::{self, SceneFile, Sim, bundled};
 use crate::scene::{self, VrmlScene};
@@ -25,9 +26,9 @@ pub fn load(file: Option<&Path>, vehicles: Option<usize>) -> Result<Loaded, CliE
     let Some(path) = file else {
         return load_with(bundled::COURTYARD, vehicles, &mut |name| bundled::load(name));
     };
-    load_with(&path.to_string_lossy(), vehicles, &mut read::named_in_config).map_err(|error| match error {
+    load_with(&read::shown(path), vehicles, &mut read::around(path)).map_err(|error| match error {
         // The simulation file itself is named by the user, not by another file.
-        CliError::Input { path: ref missing, .. } if missing == path => {
+        CliError::Input { path: ref missing, .. } if *missing == Path::new(&read::shown(path)) => {
             read::text(path).err().unwrap_or(error)
         }
         other => other,
@@ -82,10 +83,16 @@ pub fn read_shapes(
 /// Makes a scenario of what was loaded.
 ///
 /// # Errors
-/// What the files alone could not tell, e.g. a vehicle that starts inside a wall.
+/// What the files alone could not tell, e.g. a vehicle that starts inside a wall, or a ring too small for the sweep.
 pub fn scenario(loaded: Loaded, file: Option<&Path>, seed: Option<u64>) -> Result<Scenario, CliError> {
     let seed = seed.unwrap_or(loaded.sim.seed);
     let path = file.map_or_else(|| bundled::COURTYARD.into(), Path::to_owned);
-    Scenario::new(loaded.sim, loaded.shapes.shapes, seed)
-        .map_err(|error| CliError::Input { path, reason: error.to_string() })
+    let refused = |reason| CliError::Input { path, reason };
+    match Scenario::new(loaded.sim, loaded.shapes.shapes, seed) {
+        Err(error) => Err(refused(error.to_string())),
+        Ok(scenario) => match planned(&scenario) {
+            Err(error) => Err(refused(format!("no sweep can be planned: {error}"))),
+            Ok(_) => Ok(scenario),
+        },
+    }
 }

@@ -3,6 +3,7 @@
 //! [`run`] parses the command line, runs the command, prints what went wrong and gives the exit code: 0 done,
 //! 1 fault or mission failed, 2 bad usage, config or scene.
 
+mod answer;
 pub mod check;
 mod describe;
 pub mod error;
@@ -14,12 +15,14 @@ mod read;
 pub mod recording;
 mod report;
 pub mod sim;
+mod stop;
 mod trials;
 
 use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
 
+use self::answer::{Answer, complain};
 use self::error::CliError;
 
 /// Turns a few small rovers into one moving radio-tomography instrument.
@@ -58,11 +61,12 @@ pub fn run() -> ExitCode {
             return ExitCode::from(u8::try_from(error.exit_code()).unwrap_or(2));
         }
     };
+    let mut answer = Answer::on_stdout();
     let result = match command {
-        Command::Sim(sim) => sim.run(),
-        Command::Image(image) => image.run().map_err(CliError::from),
-        Command::Plan(plan) => plan.run(&mut std::io::stdout().lock()),
-        Command::Check(check) => check.run(&mut std::io::stdout().lock()),
+        Command::Sim(sim) => sim.run(&mut answer),
+        Command::Image(image) => image.run(&mut answer),
+        Command::Plan(plan) => plan.run(&mut answer),
+        Command::Check(check) => check.run(&mut answer),
     };
     match result {
         Ok(()) => ExitCode::SUCCESS,
@@ -71,6 +75,6 @@ pub fn run() -> ExitCode {
 }
 
 fn fail(error: &CliError) -> ExitCode {
-    eprintln!("tomoswarm: {error}");
+    complain(error);
     ExitCode::from(error.exit_code())
 }

@@ -10,24 +10,37 @@ use super::load;
 use crate::geom::Point;
 use crate::ground::planner::{Request, plan};
 use crate::sim::Scenario;
-use crate::sweep::{Sweep, check_separation, expected_duration_s, tracks_of};
+use crate::sweep::{Sweep, SweepError, check_separation, expected_duration_s, tracks_of};
 
 /// Plan a sweep and show it: laps, stops, lengths, and how long it will take.
 ///
 /// The plans are those that `tomoswarm sim` drives when all vehicles start at their homes. They are proven to keep the vehicles
-/// apart whatever the delays.
+/// apart whatever the delays. Lengths are metres, x to the east, y to the north.
 #[derive(clap::Args, Debug)]
+#[command(after_help = AFTER_HELP)]
 pub struct PlanArgs {
     /// A simulation file (kind = "sim") [default: the bundled courtyard]
     #[arg(value_name = "CONFIG")]
     pub config: Option<PathBuf>,
-    /// Number of vehicles, in place of the file's
-    #[arg(long, value_name = "N")]
+    /// Number of vehicles, 2 to 8, in place of the file's
+    #[arg(long, value_name = "N", allow_negative_numbers = true)]
     pub vehicles: Option<usize>,
-    /// List every stop as CSV: vehicle, stop, x_m, y_m, dwell_ms, after (vehicle:stop ...)
+    /// List every stop as CSV: vehicle,stop,x_m,y_m,dwell_ms,after
+    ///
+    /// `after` are the stops of others that must be done before this one is driven to: vehicle:stop, parted by spaces.
     #[arg(long)]
     pub stops: bool,
 }
+
+const AFTER_HELP: &str = "\
+A lap is one round of all vehicles; its gaps are the steps along the ring of positions between neighbours.
+
+Examples:
+  tomoswarm plan                                      the bundled courtyard
+  tomoswarm plan --vehicles 5                         is a fifth rover worth it?
+  tomoswarm plan my.sim.toml --stops > stops.csv      for a table or a script
+
+Exit codes: 0 done; 2 bad usage or bad files, or no sweep can be planned.";
 
 impl PlanArgs {
     /// Plans and prints.
@@ -37,19 +50,22 @@ impl PlanArgs {
     pub fn run(&self, out: &mut dyn Write) -> Result<(), CliError> {
         let loaded = load::load(self.config.as_deref(), self.vehicles)?;
         let scenario = load::scenario(loaded, self.config.as_deref(), None)?;
-        let sweep = planned(&scenario)?;
+        let sweep = planned(&scenario).map_err(|error| CliError::Usage(error.to_string()))?;
         let text = if self.stops { stops(&sweep.plans) } else { summary(&scenario, &sweep)? };
-        let failed = |source| CliError::Write { path: "the answer".into(), source };
+        let failed = |source| CliError::Write { path: "standard output".into(), source };
         out.write_all(text.as_bytes()).map_err(failed)
     }
 }
 
-fn planned(scenario: &Scenario) -> Result<Sweep, CliError> {
+/// Plans the sweep of a scenario from its homes, as the ground station does when a run begins.
+///
+/// # Errors
+/// No sweep can be planned.
+pub(super) fn planned(scenario: &Scenario) -> Result<Sweep, SweepError> {
     let sim = scenario.sim();
     let places = sim.vehicle_ids().filter_map(|id| Some((id, sim.home(id)?))).collect();
     let request = Request { run: RunId(1), revision: Revision(1), places, first_lap: 0 };
-    let planned = plan(scenario.ring(), scenario.method(), sim.safety.separation_m, &request);
-    planned.map_err(|error| CliError::Usage(format!("no sweep can be planned: {error}")))
+    plan(scenario.ring(), scenario.method(), sim.safety.separation_m, &request)
 }
 
 fn summary(scenario: &Scenario, sweep: &Sweep) -> Result<String, CliError> {

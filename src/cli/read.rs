@@ -33,13 +33,37 @@ pub fn text(path: &Path) -> Result<String, CliError> {
     })
 }
 
+/// Gives a loader for a file and all that is named in it, by names such as [`shown`] gives of the file.
+///
+/// Configurations name files in UTF-8, but the folder in which they lie may have any name: it is put in the place
+/// of what was shown of it.
+pub fn around(file: &Path) -> impl FnMut(&str) -> Result<String, String> {
+    let file = file.to_owned();
+    let folder = file.parent().unwrap_or(Path::new("")).to_owned();
+    let (shown_file, shown_folder) = (shown(&file), format!("{}/", shown(&folder)));
+    move |name| {
+        if name == shown_file {
+            return named(&file);
+        }
+        match name.strip_prefix(&shown_folder) {
+            Some(rest) if folder != Path::new("") => named(&folder.join(rest)),
+            Some(_) | None => named(Path::new(name)),
+        }
+    }
+}
+
+/// Gives the name of a file as it is shown in messages and handed to `config` and `scene`.
+pub fn shown(path: &Path) -> String {
+    path.to_string_lossy().into_owned()
+}
+
 /// Gives the text of a file that a configuration names, or only the reason why not.
 ///
 /// # Errors
 ///
 /// As for [`text`], without the name of the file.
-pub fn named_in_config(path: &str) -> Result<String, String> {
-    text(Path::new(path)).map_err(|error| match error {
+fn named(path: &Path) -> Result<String, String> {
+    text(path).map_err(|error| match error {
         CliError::Read { source, .. } => source.to_string(),
         CliError::Input { reason, .. } => reason,
         CliError::Usage(_)
@@ -60,7 +84,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a.txt");
         std::fs::write(&path, content).unwrap();
-        let got = named_in_config(path.to_str().unwrap());
+        let got = named(&path);
         assert_eq!(got, expected.map(str::to_owned).map_err(str::to_owned));
     }
 

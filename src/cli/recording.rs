@@ -33,6 +33,13 @@ pub struct RecordingError {
     pub expected: String,
 }
 
+impl RecordingError {
+    /// Gives what parts the name of the file from the problem: a line number stands right after it.
+    pub fn gap(&self) -> &'static str {
+        if self.place.starts_with(|first: char| first.is_ascii_digit()) { "" } else { " " }
+    }
+}
+
 fn wrong(place: String, found: impl Into<String>, expected: impl Into<String>) -> RecordingError {
     RecordingError { place, found: found.into(), expected: expected.into() }
 }

@@ -14,6 +14,19 @@ use crate::map::{CellRect, Occupancy};
 use crate::sim::{Found, Outcome, Scenario};
 use crate::tomo::{Image, Link, Reconstruction, WeightRows, npy_bytes, runs_along_a_side};
 
+/// The names of all files that a run may leave behind.
+pub const FAMILY: &[&str] = &[
+    "links.csv",
+    "empty.csv",
+    "image.npy",
+    "structure.npy",
+    "image.png",
+    "structure.png",
+    "map.png",
+    "run.log",
+    "summary.json",
+];
+
 /// The figures of a run.
 #[derive(Debug)]
 pub struct Report {
@@ -37,6 +50,8 @@ pub struct Report {
     bus_bytes: u64,
     found: Vec<Found>,
     persons: Vec<(String, Point)>,
+    /// Images that could not be made, with the reason.
+    not_made: Vec<String>,
 }
 
 impl Report {
@@ -63,6 +78,7 @@ impl Report {
             bus_bytes: outcome.bus_bytes,
             found: outcome.found(),
             persons: outcome.persons.iter().map(|person| (person.name.clone(), person.at)).collect(),
+            not_made: not_made(scenario, outcome),
         }
     }
 
@@ -104,6 +120,9 @@ impl Report {
             text +=
                 &format!("found             at {x_m:.2}, {y_m:.2} m, {:.2} dB/m: {error}\n", find.strength);
         }
+        for what in &self.not_made {
+            text += &format!("not made          {what}\n");
+        }
         for (name, at) in self.missed() {
             text += &format!("missed            {name} at {:.2}, {:.2} m\n", at.x_m, at.y_m);
         }
@@ -144,6 +163,22 @@ impl Report {
             "version": env!("CARGO_PKG_VERSION"),
         })
     }
+}
+
+/// Tells which images there are none of, and why.
+fn not_made(scenario: &Scenario, outcome: &Outcome) -> Vec<String> {
+    let mut list = Vec::new();
+    if outcome.change.is_none() {
+        list.push(if scenario.sim().empty_sweep {
+            "image: the sweep measured too little".to_owned()
+        } else {
+            "image: what has changed is told only by an empty sweep (empty_sweep = true)".to_owned()
+        });
+    }
+    if outcome.structure.is_none() {
+        list.push("structure: the sweep measured too little".to_owned());
+    }
+    list
 }
 
 /// Gives the share of the pixels that at least one link across the area looks at.

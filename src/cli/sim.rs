@@ -1,17 +1,17 @@
 //! `tomoswarm sim [CONFIG]`: simulates a swarm in virtual time, and writes a folder with pictures and data.
 
-use std::io::IsTerminal;
+use std::io::{IsTerminal, Write};
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 use indicatif::{ProgressBar, ProgressStyle};
 
+use super::answer::complain;
 use super::error::CliError;
 use super::folder::OutputFolder;
 use super::load::{self, Loaded};
-use super::report::{Report, write_files};
+use super::report::{FAMILY, Report, write_files};
+use super::stop::Stop;
 use super::trials;
 use crate::sim::{Outcome, RunError, Scenario, Status};
 
@@ -19,7 +19,10 @@ use crate::sim::{Outcome, RunError, Scenario, Status};
 ///
 /// Without CONFIG the bundled example runs: two rovers, a courtyard with an L-shaped wall, first empty, then with two
 /// persons at places drawn from the seed. Everything happens in virtual time, hundreds of times faster than real time; the
-/// same files and seed give the same run, byte for byte.
+/// same files and seed give the same run, byte for byte. Lengths are metres, x to the east, y to the north.
+///
+/// A run shows its progress on a terminal. Ctrl-C ends it in order: what was measured until then is written, with
+/// "finished": false. Nothing is written by a run that is refused.
 #[derive(clap::Args, Debug)]
 #[command(after_help = AFTER_HELP)]
 pub struct SimArgs {
@@ -27,37 +30,50 @@ pub struct SimArgs {
     #[arg(value_name = "CONFIG")]
     pub config: Option<PathBuf>,
     /// Seed of everything that is random [default: the file's, or 1]
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", allow_negative_numbers = true)]
     pub seed: Option<u64>,
-    /// Number of vehicles, in place of the file's
-    #[arg(long, value_name = "N")]
+    /// Number of vehicles, 2 to 8, in place of the file's; the venue must have a home for each
+    #[arg(long, value_name = "N", allow_negative_numbers = true)]
     pub vehicles: Option<usize>,
-    /// End after this much virtual time, in place of the file's
-    #[arg(long, value_name = "SECONDS", value_parser = parse_seconds)]
+    /// Give up after this much virtual time, in place of the file's; the mission has failed then
+    #[arg(long, value_name = "SECONDS", allow_negative_numbers = true, value_parser = parse_seconds)]
     pub until: Option<Duration>,
-    /// Folder for pictures and data [default: out/<scene>-<seed>]
+    /// Folder for pictures and data; a run in it is replaced, other files stay [default: out/<scene>-<seed>]
     #[arg(long, value_name = "FOLDER")]
     pub out: Option<PathBuf>,
     /// Write the data but draw no pictures
     #[arg(long)]
     pub no_pictures: bool,
     /// Run this many seeds, beginning with --seed, on all cores; print a table and write no folder
-    #[arg(long, value_name = "N", conflicts_with_all = ["out", "no_pictures"])]
+    #[arg(
+        long,
+        value_name = "N",
+        allow_negative_numbers = true,
+        value_parser = clap::value_parser!(u64).range(1..),
+        conflicts_with_all = ["out", "no_pictures"]
+    )]
     pub trials: Option<u64>,
 }
 
-const AFTER_HELP: &str = "The folder then holds
+const AFTER_HELP: &str = "\
+The folder then holds
   image.png      what changed since the empty sweep: the persons (with the truth, for comparison)
   structure.png  what stands there, from a fitted path loss: the wall
   map.png        what the range sensors saw, and where the vehicles drove
   image.npy, structure.npy   the same values: f32, rows from south to north, columns from west to east, dB/m
   links.csv, empty.csv       every link measured; `tomoswarm image` reads them
-  summary.json   the figures; run.log  what happened when, in virtual time
+  summary.json   finished, simulated_s, links, collisions, found [{x_m, y_m, strength, error_m}] and more
+  run.log        what happened when, in virtual time
+Without an empty sweep (empty_sweep = true in CONFIG) there is no image.png: nothing to compare with.
 
 Examples:
-  tomoswarm sim --seed 7
-  tomoswarm sim --vehicles 4 --out four
-  tomoswarm sim --trials 20        20 seeds, one line each; exit code 1 if a contract is broken";
+  tomoswarm sim --seed 7                        the persons stand elsewhere
+  tomoswarm sim --vehicles 4 --out four         four rovers, written to the folder four
+  tomoswarm sim --trials 20                     20 seeds, one line each
+  tomoswarm sim configs/courtyard.sim.toml      a file of your own: copy it with its venue and scene
+
+Exit codes: 0 done; 1 the mission failed or was stopped, or in --trials a collision, a breach of the fence, an unfinished
+sweep or too many persons missed; 2 bad usage, bad files, or a folder that cannot be written.";
 
 fn parse_seconds(text: &str) -> Result<Duration, String> {
     let seconds: f64 = text.parse().map_err(|_| format!("`{text}` is no number of seconds"))?;
@@ -72,30 +88,23 @@ impl SimArgs {
     ///
     /// # Errors
     /// Bad files, a folder that cannot be written, a mission that failed.
-    pub fn run(&self) -> Result<(), CliError> {
+    pub fn run(&self, out: &mut (dyn Write + Send)) -> Result<(), CliError> {
         if let Some(count) = self.trials {
-            return trials::run(self, count);
+            return trials::run(self, count, &Stop::listen(), out);
         }
         let scenario = self.scenario(self.seed)?;
         let seed = self.seed.unwrap_or(scenario.sim().seed);
         let target = self.out.clone().unwrap_or_else(|| default_folder(&scenario, seed));
-        let mut folder = OutputFolder::prepare(&target)?;
-        let stopped = stop_on_ctrl_c();
-        let (outcome, wall) = watched(&scenario, &stopped)?;
+        let stop = Stop::listen();
+        let mut folder = OutputFolder::prepare(&target, FAMILY)?;
+        let (outcome, wall) = watched(&scenario, &stop)?;
         let report = Report::new(&scenario, &outcome, seed, wall);
         write_files(&mut folder, &scenario, &outcome, &report, !self.no_pictures)?;
         let target = folder.publish()?;
-        print!("{}", report.text());
-        println!(
-            "written: {}/ ({})",
-            target.display(),
-            if self.no_pictures { "data" } else { "pictures and data" }
-        );
-        if stopped.load(Ordering::Relaxed) {
-            return Err(CliError::Mission(
-                "stopped by Ctrl-C; the folder holds what was measured".to_owned(),
-            ));
-        }
+        let kinds = if self.no_pictures { "data" } else { "pictures and data" };
+        let text = format!("{}written: {} ({kinds})\n", report.text(), target.display());
+        let written = out.write_all(text.as_bytes()).and_then(|()| out.flush());
+        written.map_err(|source| CliError::Write { path: "standard output".into(), source })?;
         outcome.failure.map_or(Ok(()), |reason| Err(CliError::Mission(reason)))
     }
 
@@ -106,7 +115,7 @@ impl SimArgs {
     pub(super) fn scenario(&self, seed: Option<u64>) -> Result<Scenario, CliError> {
         let mut loaded: Loaded = load::load(self.config.as_deref(), self.vehicles)?;
         for warning in &loaded.shapes.warnings {
-            eprintln!("tomoswarm: warning: {warning}");
+            complain(&format_args!("warning: {warning}"));
         }
         if let Some(until) = self.until {
             loaded.sim.until = until;
@@ -119,33 +128,31 @@ fn default_folder(scenario: &Scenario, seed: u64) -> PathBuf {
     Path::new("out").join(format!("{}-{seed}", scenario.sim().scene.name))
 }
 
-/// Makes a flag that Ctrl-C raises, so that a run ends in order.
-fn stop_on_ctrl_c() -> Arc<AtomicBool> {
-    let stopped = Arc::new(AtomicBool::new(false));
-    let flag = stopped.clone();
-    // Without a handler Ctrl-C ends the program at once, which leaves no partial output either.
-    let _ = ctrlc::set_handler(move || flag.store(true, Ordering::Relaxed));
-    stopped
-}
-
 #[allow(
     clippy::disallowed_methods,
     reason = "the shell measures how long a run took; no decision hangs on it"
 )]
-fn watched(scenario: &Scenario, stopped: &AtomicBool) -> Result<(Outcome, Duration), CliError> {
+fn watched(scenario: &Scenario, stop: &Stop) -> Result<(Outcome, Duration), CliError> {
     let bar = progress_bar();
     let started = Instant::now();
+    let mut is_stopped = false;
     let mut watch = |status: &Status| {
         bar.set_length(status.laps.max(1) as u64);
         bar.set_position(status.laps_done as u64);
         bar.set_message(line(status, started.elapsed()));
-        !stopped.load(Ordering::Relaxed)
+        is_stopped = stop.is_asked();
+        !is_stopped
     };
-    let outcome = scenario.run(&mut watch).map_err(|error| match error {
+    let mut outcome = scenario.run(&mut watch).map_err(|error| match error {
         RunError::Scenario(error) => CliError::Usage(error.to_string()),
         RunError::Fault(fault) => CliError::Fault(fault.to_string()),
     })?;
     bar.finish_and_clear();
+    if is_stopped {
+        outcome.finished = false;
+        outcome.failure =
+            Some("it was asked to stop; the folder holds what was measured until then".to_owned());
+    }
     Ok((outcome, started.elapsed()))
 }
 

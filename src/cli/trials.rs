@@ -2,12 +2,15 @@
 //! every one: no collision, no fence breach, every sweep ends, and how often everybody was found.
 
 use std::collections::BTreeMap;
-use std::sync::Mutex;
-use std::sync::atomic::{AtomicU64, Ordering};
+use std::io::{self, Write};
+use std::ops::RangeInclusive;
+use std::sync::{Mutex, PoisonError};
+use std::thread::ScopedJoinHandle;
 
 use super::error::CliError;
 use super::sim::SimArgs;
-use crate::sim::Outcome;
+use super::stop::Stop;
+use crate::sim::{Outcome, Status};
 
 /// Persons count as found within this distance, metres.
 const FOUND_WITHIN_M: f64 = 1.0;
@@ -72,21 +75,40 @@ impl Trial {
 ///
 /// # Errors
 /// Bad files, a fault, or a contract that did not hold.
-pub(super) fn run(args: &SimArgs, count: u64) -> Result<(), CliError> {
+pub(super) fn run(
+    args: &SimArgs,
+    count: u64,
+    stop: &Stop,
+    out: &mut (dyn Write + Send),
+) -> Result<(), CliError> {
+    let unwritten = |source| CliError::Write { path: "standard output".into(), source };
     let first = match args.seed {
         Some(seed) => seed,
         None => args.scenario(None)?.sim().seed,
     };
-    println!("  seed  sweep     time/s  collisions  fence  separation  errors/m        finds  log");
-    let trials = run_all(args, first, count)?;
+    let Some(last) = first.checked_add(count - 1) else {
+        return Err(CliError::Usage(format!(
+            "{count} seeds from {first} go beyond the last one, {}",
+            u64::MAX
+        )));
+    };
+    writeln!(out, "  seed  sweep     time/s  collisions  fence  separation  errors/m        finds  log")
+        .map_err(unwritten)?;
+    let trials = run_all(args, first..=last, stop, out)?;
     let share = |good: usize| 100.0 * good as f64 / trials.len().max(1) as f64;
     let (safe, found) = (count_of(&trials, Trial::is_safe), count_of(&trials, Trial::all_found));
-    println!(
+    writeln!(
+        out,
         "{} seeds: {safe} safe and finished ({:.1} %), everybody found within {FOUND_WITHIN_M} m in {found} ({:.1} %)",
         trials.len(),
         share(safe),
         share(found)
-    );
+    )
+    .map_err(unwritten)?;
+    if (trials.len() as u64) < count {
+        let reason = format!("it was asked to stop after {} of {count} seeds", trials.len());
+        return Err(CliError::Mission(reason));
+    }
     if safe < trials.len() {
         return Err(CliError::Mission("a contract did not hold in every seed".to_owned()));
     }
@@ -103,49 +125,70 @@ fn count_of(trials: &BTreeMap<u64, Trial>, is_good: fn(&Trial) -> bool) -> usize
     trials.values().filter(|trial| is_good(trial)).count()
 }
 
-/// Runs the seeds on all cores; prints each line as soon as all before it are there.
-fn run_all(args: &SimArgs, first: u64, count: u64) -> Result<BTreeMap<u64, Trial>, CliError> {
-    let next = AtomicU64::new(0);
-    let done = Mutex::new((BTreeMap::new(), first));
+/// The trials that are done, and the table of them: each line as soon as all before it are there.
+struct Table<'a> {
+    done: BTreeMap<u64, Trial>,
+    next: u64,
+    out: &'a mut (dyn Write + Send),
+}
+
+impl Table<'_> {
+    fn record(&mut self, seed: u64, trial: Trial) -> io::Result<()> {
+        self.done.insert(seed, trial);
+        while let Some(trial) = self.done.get(&self.next) {
+            writeln!(self.out, "{}", trial.line(self.next))?;
+            self.next = self.next.saturating_add(1);
+        }
+        self.out.flush()
+    }
+}
+
+/// Runs the seeds on all cores, until it is asked to stop.
+fn run_all(
+    args: &SimArgs,
+    seeds: RangeInclusive<u64>,
+    stop: &Stop,
+    out: &mut (dyn Write + Send),
+) -> Result<BTreeMap<u64, Trial>, CliError> {
+    let table = Mutex::new(Table { done: BTreeMap::new(), next: *seeds.start(), out });
+    let left = Mutex::new(seeds);
     let cores = std::thread::available_parallelism().map_or(1, usize::from);
     std::thread::scope(|scope| {
-        let workers: Vec<_> = (0..cores)
-            .map(|_| {
-                scope.spawn(|| -> Result<(), CliError> {
-                    loop {
-                        let number = next.fetch_add(1, Ordering::Relaxed);
-                        if number >= count {
-                            return Ok(());
-                        }
-                        let seed = first + number;
-                        let trial = run_one(args, seed)?;
-                        let mut done = done.lock().unwrap_or_else(|poisoned| poisoned.into_inner());
-                        print_in_order(&mut done, seed, trial);
-                    }
-                })
-            })
-            .collect();
-        let join = |worker: std::thread::ScopedJoinHandle<'_, Result<(), CliError>>| match worker.join() {
+        let workers: Vec<_> = (0..cores).map(|_| scope.spawn(|| work(args, &left, stop, &table))).collect();
+        let join = |worker: ScopedJoinHandle<'_, Result<(), CliError>>| match worker.join() {
             Ok(result) => result,
             Err(panic) => std::panic::resume_unwind(panic),
         };
         workers.into_iter().try_for_each(join)
     })?;
-    let (trials, _) = done.into_inner().unwrap_or_else(|poisoned| poisoned.into_inner());
-    Ok(trials)
+    Ok(table.into_inner().unwrap_or_else(PoisonError::into_inner).done)
 }
 
-fn print_in_order(done: &mut (BTreeMap<u64, Trial>, u64), seed: u64, trial: Trial) {
-    done.0.insert(seed, trial);
-    while let Some(trial) = done.0.get(&done.1) {
-        println!("{}", trial.line(done.1));
-        done.1 += 1;
+/// Runs seeds until none is left.
+fn work(
+    args: &SimArgs,
+    left: &Mutex<RangeInclusive<u64>>,
+    stop: &Stop,
+    table: &Mutex<Table<'_>>,
+) -> Result<(), CliError> {
+    loop {
+        let Some(seed) = left.lock().unwrap_or_else(PoisonError::into_inner).next() else { return Ok(()) };
+        let Some(trial) = run_one(args, seed, stop)? else { return Ok(()) };
+        let mut table = table.lock().unwrap_or_else(PoisonError::into_inner);
+        let unwritten = |source| CliError::Write { path: "standard output".into(), source };
+        table.record(seed, trial).map_err(unwritten)?;
     }
 }
 
-fn run_one(args: &SimArgs, seed: u64) -> Result<Trial, CliError> {
+/// Runs one seed; `None` when it was asked to stop before the end.
+fn run_one(args: &SimArgs, seed: u64, stop: &Stop) -> Result<Option<Trial>, CliError> {
     let scenario = args.scenario(Some(seed))?;
+    let mut is_stopped = false;
+    let mut watch = |_: &Status| {
+        is_stopped = stop.is_asked();
+        !is_stopped
+    };
     let outcome =
-        scenario.run(&mut |_| true).map_err(|error| CliError::Fault(format!("seed {seed}: {error}")))?;
-    Ok(Trial::of(&outcome))
+        scenario.run(&mut watch).map_err(|error| CliError::Fault(format!("seed {seed}: {error}")))?;
+    Ok((!is_stopped).then(|| Trial::of(&outcome)))
 }

@@ -191,11 +191,21 @@ fn check_homes(root: &Section, sim: &Sim) {
             let wrong = format!("home {} is nearer than {reach_m:.2} m to the fence", index + 1);
             root.refuse("venue", &wrong, "a vehicle and its padding must fit at home");
         }
+        check_nobody_at_home(root, sim, index + 1, *home);
         let is_near = |other: &&Point| other.distance_to(*home) < apart_m;
         if homes.iter().take(index).any(|other| is_near(&other)) {
             let wrong = format!("home {} is nearer than {apart_m:.2} m to another", index + 1);
             root.refuse("venue", &wrong, "homes must be separation_m apart");
         }
+    }
+}
+
+fn check_nobody_at_home(root: &Section, sim: &Sim, number: usize, home: Point) {
+    let room_m = |radius_m: f64| sim.vehicles.radius_m + sim.safety.padding_m + radius_m;
+    let is_there = |at: Point, radius_m: f64| at.distance_to(home) < room_m(radius_m);
+    for person in sim.scene.persons.iter().filter(|person| is_there(person.at, person.radius_m)) {
+        let wrong = format!("{} stands in the way of vehicle {number} at its home", person.name);
+        root.refuse("scene", &wrong, "vehicles and persons must stand apart");
     }
 }
 

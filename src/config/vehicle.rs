@@ -42,7 +42,8 @@ impl Vehicles {
             section.replace("count", count, VEHICLES);
         }
         let vehicles = Vehicles {
-            count: count.unwrap_or(in_file),
+            // A number that was refused is not reckoned with.
+            count: count.filter(|count| VEHICLES.contains(count)).unwrap_or(in_file),
             radius_m: section.number("radius_m", 0.25, 0.05..=2.0),
             height_m: section.number("height_m", 0.3, 0.05..=3.0),
             antenna_height_m: section.number("antenna_height_m", 0.5, 0.05..=10.0),

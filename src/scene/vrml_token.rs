@@ -50,7 +50,9 @@ pub(super) struct Tokens<'a> {
 impl<'a> Tokens<'a> {
     /// Starts at the beginning of a text.
     pub(super) fn new(text: &'a str) -> Tokens<'a> {
-        Tokens { text, at: 0, line_at: 1, ahead: None, line: 1 }
+        // Some editors begin a file with a byte order mark.
+        let at = if text.starts_with('\u{feff}') { '\u{feff}'.len_utf8() } else { 0 };
+        Tokens { text, at, line_at: 1, ahead: None, line: 1 }
     }
 
     /// Gives the line of the token read last (1 = first line).

@@ -1,0 +1,18 @@
+//! The built program as its users meet it: what it refuses and how it says so, what it leaves on the disk,
+//! and how it ends when it is asked to. Says nothing about how good images are.
+
+mod cli {
+    mod bad_configs;
+    mod bad_outputs;
+    mod bad_recordings;
+    mod bad_scenes;
+    mod bad_usage;
+    mod desk;
+    mod good_runs;
+    #[cfg(unix)]
+    mod names;
+    #[cfg(unix)]
+    mod signals;
+    #[cfg(unix)]
+    mod terminals;
+}

@@ -1,0 +1,194 @@
+//! What good runs leave: the same bytes for the same seed, figures under their promised names, plans that a
+//! program can read; and files from other editors and other folders.
+
+use serde_json::Value;
+
+use super::desk::{Desk, SCENE, SHAPES, SIM, Said, VENUE};
+
+fn sim(desk: &Desk, more: &[&str]) -> Said {
+    desk.run(&[&["sim", "small.sim.toml"], more].concat())
+}
+
+fn summary(desk: &Desk, folder: &str) -> Value {
+    serde_json::from_slice(&desk.read(&format!("{folder}/summary.json"))).unwrap()
+}
+
+#[test]
+fn the_same_seed_gives_the_same_bytes_in_two_processes() {
+    let desk = Desk::new();
+    for folder in ["one", "some/where/else"] {
+        assert_eq!(sim(&desk, &["--seed", "5", "--out", folder]).code, 0);
+    }
+    assert_eq!(sim(&desk, &["--seed", "6", "--out", "other"]).code, 0);
+    let names = desk.names_in("one");
+    assert_eq!(names, desk.names_in("some/where/else"));
+    for name in names.iter().filter(|name| *name != "summary.json") {
+        assert_eq!(
+            desk.read(&format!("one/{name}")),
+            desk.read(&format!("some/where/else/{name}")),
+            "{name}"
+        );
+    }
+    let without_wall = |folder: &str| {
+        let mut summary = summary(&desk, folder);
+        let figures = summary.as_object_mut().unwrap();
+        assert!(figures.remove("wall_s").is_some() && figures.remove("speed_factor").is_some());
+        summary
+    };
+    assert_eq!(without_wall("one"), without_wall("some/where/else"));
+    assert_ne!(desk.read("one/run.log"), desk.read("other/run.log"));
+}
+
+#[test]
+fn the_bundled_example_is_the_same_in_two_processes() {
+    let desk = Desk::new();
+    for folder in ["one", "two"] {
+        let said = desk.run(&["sim", "--until", "60", "--out", folder]);
+        assert_eq!(said.code, 1, "{said:?}");
+        assert!(said.err.contains("the mission failed: the sweep did not end in time"), "{said:?}");
+    }
+    for name in ["run.log", "empty.csv", "links.csv", "map.png"] {
+        assert_eq!(desk.read(&format!("one/{name}")), desk.read(&format!("two/{name}")), "{name}");
+    }
+    assert_eq!(summary(&desk, "one")["finished"], false);
+}
+
+#[test]
+fn a_summary_holds_what_was_promised() {
+    let desk = Desk::new();
+    desk.change("small.sim.toml", "laps = 1", "laps = 6");
+    desk.change("small.sim.toml", "until_s = 600.0", "until_s = 3600.0");
+    let said = sim(&desk, &["--out", "run"]);
+    assert_eq!((said.code, said.err.as_str()), (0, ""));
+    let summary = summary(&desk, "run");
+    assert_eq!(summary["finished"], true);
+    for key in ["simulated_s", "wall_s", "speed_factor", "min_separation_m"] {
+        assert!(summary[key].as_f64().is_some_and(|value| value > 0.0), "{key} in {summary}");
+    }
+    assert!(summary["links"].as_u64().is_some_and(|links| links > 50), "{summary}");
+    assert_eq!((&summary["collisions"], &summary["fence_breaches"]), (&Value::from(0), &Value::from(0)));
+    let found = summary["found"].as_array().unwrap();
+    assert!(!found.is_empty(), "{summary}");
+    for find in found {
+        for key in ["x_m", "y_m", "strength", "error_m"] {
+            assert!(find[key].is_f64(), "{key} in {find}");
+        }
+    }
+    let names = desk.names_in("run");
+    let expected = [
+        "empty.csv",
+        "image.npy",
+        "image.png",
+        "links.csv",
+        "map.png",
+        "run.log",
+        "structure.npy",
+        "structure.png",
+        "summary.json",
+    ];
+    assert_eq!(names, expected);
+}
+
+#[test]
+fn without_an_empty_sweep_no_change_is_shown_and_the_summary_says_why() {
+    let desk = Desk::new();
+    desk.change("small.sim.toml", "empty_sweep = true", "empty_sweep = false");
+    let persons = &SCENE[SCENE.find("[random_persons]").unwrap()..];
+    desk.change("small.scene.toml", persons, "");
+    let said = sim(&desk, &["--out", "run"]);
+    assert_eq!(said.code, 0, "{said:?}");
+    assert!(said.out.contains("not made          image: ") && said.out.contains("empty_sweep"), "{said:?}");
+    let names = desk.names_in("run");
+    assert!(names.iter().all(|name| !name.starts_with("image") && name != "empty.csv"), "{names:?}");
+    assert!(names.iter().any(|name| name == "structure.png"), "{names:?}");
+    assert_eq!(summary(&desk, "run")["found"], Value::Array(Vec::new()));
+}
+
+#[test]
+fn line_endings_and_byte_order_marks_of_other_systems_change_nothing() {
+    let expected = Desk::new();
+    assert_eq!(sim(&expected, &["--out", "run"]).code, 0);
+    let desk = Desk::new();
+    for (name, text) in [
+        ("small.sim.toml", SIM),
+        ("small.venue.toml", VENUE),
+        ("small.scene.toml", SCENE),
+        ("small.wrl", SHAPES),
+    ] {
+        desk.write(name, format!("\u{feff}{}", text.replace('\n', "\r\n")));
+    }
+    let said = sim(&desk, &["--out", "run"]);
+    assert_eq!(said.code, 0, "{said:?}");
+    assert_eq!(desk.read("run/run.log"), expected.read("run/run.log"));
+    let links = String::from_utf8(desk.read("run/links.csv")).unwrap();
+    let foreign = format!("\u{feff}{}", links.replace('\n', "\r\n"));
+    desk.write("foreign.csv", foreign);
+    for (links, npy) in [("run/links.csv", "a.npy"), ("foreign.csv", "b.npy")] {
+        assert_eq!(desk.run(&["image", links, "--npy", npy]).code, 0);
+    }
+    assert_eq!(desk.read("a.npy"), desk.read("b.npy"));
+}
+
+#[test]
+fn a_configuration_is_found_from_any_folder() {
+    let desk = Desk::new();
+    assert_eq!(sim(&desk, &["--out", "run"]).code, 0);
+    std::fs::create_dir(desk.path("away")).unwrap();
+    let absolute = desk.path("small.sim.toml");
+    for (file, out) in
+        [(absolute.to_str().unwrap(), "a"), ("../small.sim.toml", "b"), ("./../away/../small.sim.toml", "c")]
+    {
+        let mut program = desk.program(&["sim", file, "--out", out]);
+        program.current_dir(desk.path("away"));
+        let said = super::desk::said(program);
+        assert_eq!(said.code, 0, "{said:?}");
+        assert_eq!(desk.read("run/run.log"), desk.read(&format!("away/{out}/run.log")));
+    }
+    desk.write(
+        "small.sim.toml",
+        SIM.replace("small.venue.toml", desk.path("small.venue.toml").to_str().unwrap()),
+    );
+    assert_eq!(sim(&desk, &["--out", "run2"]).code, 0);
+    assert_eq!(desk.read("run/run.log"), desk.read("run2/run.log"));
+}
+
+#[test]
+fn the_default_folder_tells_scene_and_seed() {
+    let desk = Desk::new();
+    assert_eq!(sim(&desk, &["--seed", "9", "--no-pictures"]).code, 0);
+    assert_eq!(summary(&desk, "out/small-9")["seed"], 9);
+    assert_eq!(desk.names_in("out"), ["small-9"]);
+}
+
+#[test]
+fn plans_for_two_to_eight_vehicles_can_be_read_by_a_program() {
+    let desk = Desk::new();
+    for count in 2..=8_usize {
+        let said = desk.run(&["plan", "--vehicles", &count.to_string(), "--stops"]);
+        assert_eq!((said.code, said.err.as_str()), (0, ""));
+        check_stops(&said.out, count);
+        let said = desk.run(&["plan", "--vehicles", &count.to_string()]);
+        let lines_of = |word: &str| said.out.lines().filter(|line| line.starts_with(word)).count();
+        assert_eq!((said.code, lines_of("vehicle ")), (0, count), "{}", said.out);
+        assert!(lines_of("lap ") >= 1 && said.out.contains(" min at "), "{}", said.out);
+    }
+}
+
+/// Every stop is in or around the courtyard's fence, and waits only for stops that there are.
+fn check_stops(text: &str, vehicles: usize) {
+    let mut reader = csv::Reader::from_reader(text.as_bytes());
+    assert_eq!(reader.headers().unwrap(), vec!["vehicle", "stop", "x_m", "y_m", "dwell_ms", "after"]);
+    let rows: Vec<(usize, u64, f64, f64, u64, String)> =
+        reader.deserialize().collect::<Result<_, _>>().unwrap();
+    let known: std::collections::BTreeSet<(usize, u64)> = rows.iter().map(|row| (row.0, row.1)).collect();
+    assert_eq!(known.len(), rows.len(), "a stop is listed twice");
+    let drivers: std::collections::BTreeSet<usize> = rows.iter().map(|row| row.0).collect();
+    assert_eq!(drivers, (1..=vehicles).collect());
+    for (_, _, x_m, y_m, _, after) in &rows {
+        assert!((-3.0..=23.0).contains(x_m) && (-3.0..=23.0).contains(y_m), "{x_m}, {y_m}");
+        for other in after.split_whitespace() {
+            let (vehicle, stop) = other.split_once(':').unwrap();
+            assert!(known.contains(&(vehicle.parse().unwrap(), stop.parse().unwrap())), "{other}");
+        }
+    }
+}
