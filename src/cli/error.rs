@@ -32,6 +32,16 @@ pub enum CliError {
         /// What is wrong, with its place in the file, and what was expected.
         reason: String,
     },
+    /// A line of a file makes no sense.
+    #[error("{}:{line}: {reason}", path.display())]
+    Line {
+        /// The file.
+        path: PathBuf,
+        /// The line, counted from 1.
+        line: usize,
+        /// What is wrong, and what was expected.
+        reason: String,
+    },
     /// Several files are wrong; one line per mistake.
     #[error("{}", lines(.0))]
     Several(Vec<CliError>),
@@ -63,6 +73,7 @@ impl CliError {
             | CliError::Config(_)
             | CliError::Read { .. }
             | CliError::Input { .. }
+            | CliError::Line { .. }
             | CliError::Several(_)
             | CliError::Image(_)
             | CliError::Write { .. } => 2,
