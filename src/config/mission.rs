@@ -131,8 +131,8 @@ impl Imaging {
                 &[("map", Solver::Map), ("tikhonov", Solver::Tikhonov)],
             ),
             bin_m: section.number("bin_m", 0.5, 0.05..=10.0),
-            prior: read_prior(&section.section("prior")),
-            structure_prior: read_prior(&section.section("structure_prior")),
+            prior: read_prior(&section.section("prior"), 0.45, 0.5),
+            structure_prior: read_prior(&section.section("structure_prior"), 0.55, 1.0),
             min_link_m: section.number("min_link_m", 3.0, 0.0..=100.0),
             rim_m: section.number("rim_m", 1.5, 0.0..=100.0),
             peak_separation_m: section.number("peak_separation_m", 3.0, 0.0..=100.0),
@@ -143,10 +143,10 @@ impl Imaging {
     }
 }
 
-fn read_prior(section: &Section) -> Prior {
+fn read_prior(section: &Section, sigma_db_per_m: f64, correlation_length_m: f64) -> Prior {
     let prior = Prior {
-        sigma_db_per_m: section.number("sigma_db_per_m", 0.55, 0.001..=100.0),
-        correlation_length_m: section.number("correlation_length_m", 1.0, 0.01..=100.0),
+        sigma_db_per_m: section.number("sigma_db_per_m", sigma_db_per_m, 0.001..=100.0),
+        correlation_length_m: section.number("correlation_length_m", correlation_length_m, 0.01..=100.0),
     };
     section.finish();
     prior

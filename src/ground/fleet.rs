@@ -53,13 +53,15 @@ impl Fleet {
         }
     }
 
-    /// Takes a progress; a lower revision of the same run changes nothing.
-    pub fn heard_progress(&mut self, progress: Progress) {
-        let Some(member) = self.members.get_mut(&progress.vehicle) else { return };
+    /// Takes a progress; a lower revision of the same run changes nothing. Gives whether the vehicle has got on.
+    pub fn heard_progress(&mut self, progress: Progress) -> bool {
+        let Some(member) = self.members.get_mut(&progress.vehicle) else { return false };
         let key = |progress: &Progress| (progress.run, progress.revision, progress.done);
-        if member.progress.as_ref().is_none_or(|known| key(&progress) >= key(known)) {
+        let before = member.progress.as_ref().map(key);
+        if before <= Some(key(&progress)) {
             member.progress = Some(progress);
         }
+        before < Some(key(&progress))
     }
 
     /// Tells whether every vehicle has been heard.

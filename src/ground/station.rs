@@ -8,7 +8,7 @@
 //! ```text
 //!   Idle ─Sweep wished, all heard─► Stopping ─all at rest─► Planning ─plans─► Running ─every stop done─► Closing
 //!    ▲                                 ▲                                         │                       │
-//!    │                                 └──── a vehicle cannot begin its plan ────┘                       │
+//!    │                                 └─ a vehicle cannot begin, or nobody gets on┘                    │
 //!    └────────────────────────────────────────────── samples in ─────────────────────────────────────────┘
 //! ```
 //!
@@ -36,6 +36,8 @@ const PLAN_EVERY: Duration = Duration::from_secs(5);
 const SHOWN_PLAN_EVERY: Duration = Duration::from_secs(60);
 /// A revision that somebody does not follow after this long is replaced.
 const ADOPTED_WITHIN: Duration = Duration::from_secs(30);
+/// When no vehicle has done a stop for so long, everyone is planned for anew; the second time, given up.
+const STALLED_AFTER: Duration = Duration::from_secs(420);
 /// Time for the last samples to come in after the last stop.
 const CLOSING: Duration = Duration::from_secs(3);
 /// Gaps in the samples are waited for at most this long.
@@ -95,8 +97,10 @@ pub enum Note {
     },
     /// No plan could be made.
     NoPlan(String),
-    /// A vehicle did not begin its plan: everyone is brought to rest and planned for anew.
+    /// A vehicle did not begin its plan, or nobody gets on: everyone is brought to rest and planned for anew.
     Replans(RunId),
+    /// Nobody gets on, also after plans were made anew: the sweep cannot be ended.
+    Stalled(RunId),
     /// All vehicles have done a lap.
     LapDone {
         /// Of which run.
@@ -171,6 +175,10 @@ pub struct Station {
     succession: Option<Succession>,
     wished: Option<Wish>,
     planned_at: Time,
+    /// When a vehicle was last heard to have got on with its plan.
+    got_on_at: Time,
+    /// Whether plans were made anew because nobody got on, since a lap was done.
+    stalled: bool,
     plans_at: Time,
     tick_at: Time,
 }
@@ -186,6 +194,8 @@ impl Station {
             succession: None,
             wished: None,
             planned_at: Time::ZERO,
+            got_on_at: Time::ZERO,
+            stalled: false,
             plans_at: Time::ZERO,
             tick_at: Time::ZERO + TICK,
         }
@@ -213,7 +223,9 @@ impl Station {
                 if let Some(succession) = &mut self.succession {
                     succession.hear(&progress);
                 }
-                self.fleet.heard_progress(progress);
+                if self.fleet.heard_progress(progress) {
+                    self.got_on_at = now;
+                }
             }
             Message::Samples(batch) => self.store(&batch),
             Message::Tile(report) => self.join(&report),
@@ -356,6 +368,10 @@ impl Station {
                 out.push(Out::Note(Note::Replans(sweep.run)));
                 self.rest(now, sweep, out);
             }
+            Phase::Running(sweep, _) if now.since(self.got_on_at.max(self.planned_at)) > STALLED_AFTER => {
+                let sweep = *sweep;
+                self.stall(now, sweep, out);
+            }
             Phase::Stopping(sweep) if succession.phase() == sweep::Phase::Stopped => {
                 let sweep = *sweep;
                 self.ask(sweep, out);
@@ -370,6 +386,21 @@ impl Station {
         }
     }
 
+    /// Nobody gets on: plans everyone anew from where they rest, or gives the sweep up when that was done before.
+    fn stall(&mut self, now: Time, sweep: Sweep, out: &mut Vec<Out>) {
+        if !self.stalled {
+            self.stalled = true;
+            out.push(Out::Note(Note::Replans(sweep.run)));
+            self.rest(now, sweep, out);
+            return;
+        }
+        self.stalled = false;
+        out.push(Out::Note(Note::Stalled(sweep.run)));
+        self.fleet.order_all(sweep.run, OrderKind::Hold);
+        self.publish_orders(out);
+        self.phase = Phase::Idle;
+    }
+
     fn look_after_laps(&mut self, now: Time, out: &mut Vec<Out>) {
         let Phase::Running(sweep, laps) = &self.phase else { return };
         let (mut sweep, wanted) = (*sweep, laps.len());
@@ -377,6 +408,7 @@ impl Station {
         let finished = done == wanted;
         if sweep.laps_before + done > sweep.laps_done {
             sweep.laps_done = sweep.laps_before + done;
+            self.stalled = false;
             let links = self.samples.links(sweep.run);
             let (run, laps, samples) = (sweep.run, sweep.laps_done, self.samples.count(sweep.run));
             out.push(Out::Note(Note::LapDone { run, laps, links: links.len(), samples }));

@@ -86,6 +86,11 @@ impl Map {
         }
     }
 
+    /// Gives the merged map.
+    pub fn merged(&self) -> &Merged {
+        &self.merged
+    }
+
     fn scan(&mut self, scan: &Scan, out: &mut Vec<Out>) {
         if scan.suspect {
             return;

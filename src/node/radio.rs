@@ -104,6 +104,11 @@ impl Radio {
         }
     }
 
+    /// Gives how many samples of a run were made.
+    pub fn samples_made(&self, run: RunId) -> u64 {
+        self.samples.get(&run).copied().unwrap_or_default()
+    }
+
     fn heard(&mut self, now: Time, heard: Heard, out: &mut Vec<Out>) {
         let beacon = heard.beacon;
         if beacon.sender == self.settings.vehicle {

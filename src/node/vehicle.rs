@@ -34,6 +34,8 @@ const PUBLISH_EVERY: Duration = Duration::from_millis(200);
 const REACTION_S: f64 = 0.15;
 /// What the reflex leaves between the body and an object, metres.
 const REFLEX_MARGIN_M: f64 = 0.1;
+/// What made the reflex halt is kept clear of for this long, even if the map does not show it.
+const BUMP_FOR: Duration = Duration::from_secs(60);
 /// A route begins at most this far from where the vehicle is, metres.
 const ROUTE_START_M: f64 = 0.75;
 /// Orders that answer an older state than this are too old to obey.
@@ -136,11 +138,31 @@ pub enum Remark {
     Halted {
         /// Distance from the body to the object, metres.
         ahead_m: f64,
+        /// What is kept clear of for a while.
+        bump: Bump,
     },
     /// A command was not obeyed.
     Refused(Refusal),
     /// The autopilot says nothing any more.
     AutopilotSilent,
+}
+
+/// Something that made the reflex halt: an echo from somewhere in the beam's cone.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub struct Bump {
+    /// Where the echo came from, on the beam's axis.
+    pub at: Point,
+    /// How near the vehicle's middle may come, metres.
+    pub keep_m: f64,
+    /// Until when it is believed to be there.
+    pub until: Time,
+}
+
+impl Bump {
+    /// Tells whether a way keeps clear, or at least never comes nearer than `here_m`, metres.
+    pub fn is_passed_by(&self, way: Segment, here_m: f64) -> bool {
+        way.distance_to_point(self.at) >= self.keep_m.min(here_m) - 1e-3
+    }
 }
 
 /// Why a command was not obeyed.
@@ -156,6 +178,8 @@ pub enum Refusal {
     Fence,
     /// The route comes too near to another vehicle or its route.
     Separation(VehicleId),
+    /// The route leads to what made the reflex halt.
+    Bump,
     /// An emergency order stands.
     Emergency,
 }
@@ -175,6 +199,7 @@ pub struct Vehicle {
     made: VecDeque<(u64, Time)>,
     published: Option<(Time, Mode)>,
     peers: BTreeMap<VehicleId, State>,
+    bumps: Vec<Bump>,
     silent_reported: bool,
 }
 
@@ -199,6 +224,7 @@ impl Vehicle {
             made: VecDeque::new(),
             published: None,
             peers: BTreeMap::new(),
+            bumps: Vec::new(),
             silent_reported: false,
         }
     }
@@ -304,16 +330,23 @@ impl Vehicle {
         if telemetry.pose.sd_m > self.settings.safety.pose_sd_max_m {
             return Err(Refusal::PoseUncertain);
         }
-        route.map_or(Ok(()), |route| self.check_route(&route, telemetry.pose))
+        route.map_or(Ok(()), |route| self.check_route(now, &route, telemetry.pose))
     }
 
-    fn check_route(&self, route: &Track, pose: Pose) -> Result<(), Refusal> {
+    fn check_route(&self, now: Time, route: &Track, pose: Pose) -> Result<(), Refusal> {
         if route.start().distance_to(pose.at) > ROUTE_START_M {
             return Err(Refusal::NotHere);
         }
         let radius_m = self.settings.body.radius_m;
         if !route.segments().all(|piece| self.settings.fence.contains_corridor(piece, radius_m)) {
             return Err(Refusal::Fence);
+        }
+        let clear = |bump: &Bump| {
+            let here_m = bump.at.distance_to(pose.at);
+            route.segments().all(|piece| bump.is_passed_by(piece, here_m))
+        };
+        if !self.bumps.iter().filter(|bump| bump.until > now).all(clear) {
+            return Err(Refusal::Bump);
         }
         for peer in self.peers.values() {
             if !self.keeps_clear_of(route, pose, peer) {
@@ -361,8 +394,19 @@ impl Vehicle {
         if ahead_m < needs_m + REFLEX_MARGIN_M {
             self.stop(now, out);
             self.halted = true;
-            out.push(Out::Remark(Remark::Halted { ahead_m }));
+            let bump = self.bump(now, scan);
+            self.bumps.retain(|known| known.until > now);
+            self.bumps.push(bump);
+            out.push(Out::Remark(Remark::Halted { ahead_m, bump }));
         }
+    }
+
+    fn bump(&self, now: Time, scan: &Scan) -> Bump {
+        let range_m = scan.range_m.unwrap_or_default();
+        let at = scan.pose.at + crate::geom::Vector::polar(scan.pose.heading + scan.beam, range_m);
+        let spread_m = range_m * libm::sin(self.settings.look.half_angle.radians());
+        let keep_m = self.settings.body.radius_m + REFLEX_MARGIN_M + spread_m;
+        Bump { at, keep_m, until: now + BUMP_FOR }
     }
 
     /// Gives how far ahead of the body an echo may come from; `None` when it lies beside the strip.

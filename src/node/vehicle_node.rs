@@ -3,7 +3,7 @@
 //! This is how the simulator runs a vehicle. A live node may run the same actors on several
 //! threads: only [`super::route`] says what goes where, in both.
 
-use tomoswarm_proto::VehicleId;
+use tomoswarm_proto::{RunId, VehicleId};
 
 use super::Settings;
 use super::map::Map;
@@ -14,6 +14,7 @@ use super::route::{Effect, Event, Said, To, route};
 use super::sensor::Sensor;
 use super::vehicle::Vehicle;
 use crate::actor::{Fault, Seat};
+use crate::map::Merged;
 use crate::time::{Deadline, Time};
 
 /// A vehicle's actors, wired.
@@ -53,6 +54,16 @@ impl VehicleNode {
     /// Gives what the mission is doing, for status lines and tests.
     pub fn mission(&self) -> &Mission {
         self.mission.actor()
+    }
+
+    /// Gives the map that the vehicle holds: its own layer and its peers'.
+    pub fn map(&self) -> &Merged {
+        self.map.actor().merged()
+    }
+
+    /// Gives how many samples of a run its radio has made.
+    pub fn samples_made(&self, run: RunId) -> u64 {
+        self.radio.actor().samples_made(run)
     }
 
     /// Tells the vehicle something, and lets its actors act until all is quiet.

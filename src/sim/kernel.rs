@@ -10,9 +10,10 @@
 use std::sync::Arc;
 use std::time::Duration;
 
-use tomoswarm_proto::{Beacon, Message, OrderKind, RunId, VehicleId, codec};
+use tomoswarm_proto::{Beacon, Digest, Message, OrderKind, RunId, VehicleId, codec};
 
 use super::bus::{Bus, NodeId, deliver};
+use super::log::hash;
 use super::noise::{Noise, Purpose};
 use super::outcome::Recorder;
 use super::queue::EventQueue;
@@ -41,6 +42,8 @@ const SOUND_MPS: f64 = 343.0;
 const BEGIN_AT: Duration = Duration::from_secs(2);
 /// Between two sweeps people need this long to walk in.
 const ENTER_TAKES: Duration = Duration::from_secs(2);
+/// After the end the sensors and radios are silent and nobody drives; the bus carries on for so long.
+const SETTLES: Duration = Duration::from_secs(20);
 /// After the last picture nothing is waited for any longer than this.
 const HOME_WITHIN: Duration = Duration::from_secs(900);
 
@@ -135,7 +138,7 @@ pub(super) struct Kernel {
     record: Recorder,
     status: Status,
     homes: usize,
-    ended: bool,
+    ended: Option<Time>,
     vehicle_effects: Vec<node::Effect>,
     ground_effects: Vec<ground::Effect>,
 }
@@ -163,7 +166,7 @@ impl Kernel {
             record: Recorder::new(&ids),
             status: Status { now: Time::ZERO, laps_done: 0, laps: 0, samples: 0 },
             homes: 0,
-            ended: false,
+            ended: None,
             vehicle_effects: Vec::new(),
             ground_effects: Vec::new(),
         };
@@ -188,7 +191,7 @@ impl Kernel {
     /// Runs to the end, or until `watch` (asked once a virtual second) says that it is enough.
     pub fn run(&mut self, watch: &mut dyn FnMut(&Status) -> bool) -> Result<(), Fault> {
         while let Some((at, event)) = self.queue.pop() {
-            if at > self.until || self.ended {
+            if at > self.until {
                 break;
             }
             debug_assert!(at >= self.now, "time never goes back");
@@ -208,8 +211,30 @@ impl Kernel {
 
     /// Takes the run apart.
     pub fn into_parts(mut self) -> (Recorder, World, GroundNode, Bus, Time, f64) {
+        self.log_holdings();
         let separation_m = self.world.min_separation_m(self.now);
-        (self.record, self.world, self.ground, self.bus, self.now, separation_m)
+        let end = self.ended.unwrap_or(self.now);
+        (self.record, self.world, self.ground, self.bus, end, separation_m)
+    }
+
+    /// Ends the run, but for what is still on its way.
+    fn end(&mut self) {
+        if self.ended.is_none() {
+            self.ended = Some(self.now);
+            self.until = self.until.min(self.now + SETTLES);
+        }
+    }
+
+    /// Logs what every node holds at the end: all maps must be one, and every sample made must be stored.
+    fn log_holdings(&mut self) {
+        for vehicle in 0..self.vehicles.len() {
+            let node = &self.vehicles[vehicle];
+            let (id, map, samples) = (node.id(), map_hash(&node.map().digest()), node.samples_made(RUN));
+            self.log(&format!("vehicle {id}"), format_args!("holds map {map:016x}, made {samples} samples"));
+        }
+        let station = self.ground.station();
+        let (map, samples) = (map_hash(&station.map().digest()), station.samples().count(RUN));
+        self.log("ground", format_args!("holds map {map:016x}, stored {samples} samples"));
     }
 
     fn happen(&mut self, event: Event) -> Result<(), Fault> {
@@ -308,6 +333,7 @@ impl Kernel {
                     }
                 }
                 node::Effect::Steer(beam) => self.beams[vehicle] = beam,
+                node::Effect::Ping(_) | node::Effect::Transmit(_) if self.ended.is_some() => {}
                 node::Effect::Ping(ping) => self.ping(vehicle, ping.number),
                 node::Effect::Transmit(beacon) => self.transmit(vehicle, beacon),
                 node::Effect::Publish(message) => {
@@ -416,7 +442,9 @@ impl Kernel {
                 self.log(&who, format_args!("{remark:?}"));
                 if matches!(remark, MissionRemark::Home) {
                     self.homes += 1;
-                    self.ended = self.homes == self.vehicles.len();
+                    if self.homes == self.vehicles.len() {
+                        self.end();
+                    }
                 }
             }
         }
@@ -451,7 +479,11 @@ impl Kernel {
             GroundNote::RunClosed { .. } => self.record.sweep_done = true,
             GroundNote::NoPlan(reason) => {
                 self.record.failure = Some(reason.clone());
-                self.ended = true;
+                self.end();
+            }
+            GroundNote::Stalled(run) => {
+                self.record.failure = Some(format!("sweep {run} cannot be ended: no vehicle gets on"));
+                self.end();
             }
             GroundNote::Replans(_) => {}
         }
@@ -465,7 +497,7 @@ impl Kernel {
             return;
         }
         match self.end {
-            End::Hold => self.ended = true,
+            End::Hold => self.end(),
             End::Return => self.queue.push(self.now, Event::Script(Step::ReturnHome)),
         }
     }
@@ -483,9 +515,10 @@ impl Kernel {
                 Ok(())
             }
             Step::BeginMain => self.begin(RUN, self.record.empty_done.then_some(EMPTY_RUN)),
+            Step::GiveUpWaiting if self.ended.is_some() => Ok(()),
             Step::GiveUpWaiting => {
                 self.record.failure = Some("not everybody came home in time".to_owned());
-                self.ended = true;
+                self.end();
                 Ok(())
             }
             Step::ReturnHome => {
@@ -525,4 +558,13 @@ impl Kernel {
             );
         }
     }
+}
+
+/// Gives a hash of what a node holds of every layer of the map.
+fn map_hash(digest: &Digest) -> u64 {
+    let words = digest.layers.iter().flat_map(|layer| {
+        let (vehicle, boot) = (u64::from(layer.layer.vehicle.0), u64::from(layer.layer.boot.0));
+        [vehicle, boot, u64::from(layer.tiles), layer.hash]
+    });
+    hash(words)
 }

@@ -13,9 +13,9 @@ use crate::time::Time;
 use crate::tomo::{Link, Peak, Reconstruction};
 
 /// Peaks weaker than this share of the strongest, or less significant than [`SIGNIFICANT`], are no finds.
-const FOUND_SHARE: f64 = 0.35;
+const FOUND_SHARE: f64 = 0.5;
 /// Ratio of a peak to the image's noise above which it is a find.
-const SIGNIFICANT: f64 = 4.0;
+const SIGNIFICANT: f64 = 3.0;
 
 /// How often things happened.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]

@@ -46,6 +46,8 @@ pub enum TomoError {
     },
 }
 
+/// Structure this many prior deviations strong leaves half of the room for a change.
+const SOLID_SD: f64 = 1.5;
 /// Most pixels that are imaged; more would take minutes and show nothing new.
 pub const MOST_PIXELS: usize = 1 << 20;
 
@@ -87,6 +89,15 @@ pub struct Imager {
     covariance: Covariance,
     /// Dual variable and trust of each link of the last solution.
     last: BTreeMap<BinKey, (f64, f64)>,
+    standing: Option<Standing>,
+}
+
+/// What stood there in the empty sweep, and how much room it leaves for a change.
+#[derive(Clone, Debug)]
+struct Standing {
+    empty: Vec<Link>,
+    /// Per pixel, the factor on the standard deviation of a change: 1 = free, near 0 = solid.
+    room: Vec<f64>,
 }
 
 impl Imager {
@@ -108,7 +119,7 @@ impl Imager {
             Solver::Tikhonov { .. } => Settings::prior_for(area),
         };
         let covariance = Covariance::new(&grid, prior);
-        Ok(Imager { settings, covariance, last: BTreeMap::new() })
+        Ok(Imager { settings, covariance, last: BTreeMap::new(), standing: None })
     }
 
     /// Gives the settings.
@@ -122,11 +133,14 @@ impl Imager {
     /// [`TomoError::NoLinks`].
     pub fn update(&mut self, now: &[Link], empty: Option<&[Link]>) -> Result<Reconstruction, TomoError> {
         let mut calibrated = calibrate(now, empty, &self.settings);
-        let rows = self.rows(&mut calibrated);
+        let mut rows = self.rows(&mut calibrated);
         if calibrated.observations.is_empty() {
             return Err(TomoError::NoLinks { given: now.len(), dropped: words(&calibrated.dropped) });
         }
-        let (values, residual_db) = self.solve(&rows, &mut calibrated);
+        let room = empty.map(|empty| self.room_for_change(empty)).unwrap_or_default();
+        rows.scale_pixels(&room);
+        let (mut values, residual_db) = self.solve(&rows, &mut calibrated);
+        values.iter_mut().zip(&room).for_each(|(value, room)| *value *= room);
         let image = Image { grid: self.settings.grid, values };
         let squares: f64 = residual_db.iter().map(|residual| residual * residual).sum();
         Ok(Reconstruction {
@@ -138,6 +152,30 @@ impl Imager {
             path_loss: calibrated.path_loss,
             by_empty_sweep: calibrated.by_empty_sweep,
         })
+    }
+
+    /// Gives per pixel how much room what stood there in the empty sweep leaves for a change.
+    ///
+    /// Nobody walks into a wall. Without this, links that graze a wall put their mismatch between the sweeps into it,
+    /// since their loss changes steeply with the place of their ends. The prior's covariance C becomes D C D with
+    /// D = 1 / (1 + (x / x₀)²), x the structure's image of the empty sweep, x₀ [`SOLID_SD`] times its prior's deviation.
+    fn room_for_change(&mut self, empty: &[Link]) -> Vec<f64> {
+        if let Some(standing) = self.standing.as_ref().filter(|standing| standing.empty == empty) {
+            return standing.room.clone();
+        }
+        let prior = Settings::prior_for(self.settings.grid.area);
+        let settings = Settings { solver: Solver::Map(prior, MapSettings::default()), ..self.settings };
+        let structure = Imager::new(settings).and_then(|mut imager| imager.update(empty, None));
+        let solid = SOLID_SD * prior.variance.sqrt();
+        let room_of = |value: &f64| {
+            let share = value.max(0.0) / solid;
+            1.0 / (1.0 + share * share)
+        };
+        // Without a picture of the empty sweep nothing is known to stand anywhere.
+        let room: Vec<f64> =
+            structure.map(|made| made.image.values.iter().map(room_of).collect()).unwrap_or_default();
+        self.standing = Some(Standing { empty: empty.to_vec(), room: room.clone() });
+        room
     }
 
     /// Builds the weights, and drops links that do not touch the area.

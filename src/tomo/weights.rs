@@ -105,6 +105,18 @@ impl WeightRows {
         rows
     }
 
+    /// Multiplies every pixel's weights by its factor; pixels without a factor stay as they are.
+    pub fn scale_pixels(&mut self, factors: &[f64]) {
+        for run in &self.runs {
+            let (first, length) = (run.first_value as usize, run.length as usize);
+            let pixels = factors.iter().skip(run.first_pixel as usize);
+            self.values[first..first + length]
+                .iter_mut()
+                .zip(pixels)
+                .for_each(|(value, factor)| *value *= factor);
+        }
+    }
+
     /// Appends the row of one link, as the model gives it (not rescaled).
     pub fn push(&mut self, link: Segment, grid: &PixelGrid, model: WeightModel) {
         let d_m = link.length_m();

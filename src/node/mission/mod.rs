@@ -22,7 +22,7 @@ use std::collections::BTreeMap;
 use std::time::Duration;
 
 use tomoswarm_proto::{
-    Mode, Order, OrderKind, Plan, Progress, Revision, RunId, State, StopId, TileReport, VehicleId,
+    Mode, Order, OrderKind, Plan, Progress, Revision, RunId, State, Stop, StopId, TileReport, VehicleId,
 };
 
 use self::pilot::{Met, Pilot};
@@ -37,6 +37,16 @@ use crate::time::{Deadline, Time};
 const REPEAT_EVERY: Duration = Duration::from_secs(1);
 /// Legs are entered ahead until the way is this long, metres, so that stops are driven through.
 const ENTER_AHEAD_M: f64 = 3.0;
+/// Legs are entered ahead this far when nothing nearer can be reached, metres.
+const ENTER_FAR_M: f64 = 20.0;
+/// Searches in vain before a stop is given up.
+const FAILURES_MAX: u32 = 3;
+/// So many stops at the end of a plan may be given up although nothing behind them can be reached.
+const LAST_STOPS: usize = 4;
+/// So many stops in a row may be given up: beyond that the ring is closed off.
+const SKIPS_MAX: u32 = 16;
+/// So many stops behind those entered are tried before one is given up.
+const LOOK_STOPS: usize = 8;
 /// A plan may begin at most this far from where the vehicle stands, metres.
 const START_TOLERANCE_M: f64 = 0.5;
 /// Before it returns, a vehicle waits until all lower ids have been quiet this long, for each of them.
@@ -91,8 +101,10 @@ pub enum Remark {
     Blocked(Point),
     /// A path around it was found; its length, metres.
     Path(f64),
-    /// There is no path, at least not now.
-    NoPath(String),
+    /// Nothing ahead can be reached over what is known, at least not now; searches in vain in a row.
+    NoPath(u32),
+    /// A stop that cannot be reached was given up.
+    Skipped(StopId),
     /// All stops are done.
     Finished(RunId),
     /// The vehicle is back home.
@@ -124,6 +136,8 @@ pub struct Mission {
     said: Progress,
     said_measure: Option<RunId>,
     finished: bool,
+    /// Stops given up since one was reached.
+    skips: u32,
     repeat_at: Time,
 }
 
@@ -149,6 +163,7 @@ impl Mission {
             said,
             said_measure: None,
             finished: false,
+            skips: 0,
             repeat_at,
         }
     }
@@ -179,23 +194,66 @@ impl Mission {
     }
 
     fn follow(&mut self, now: Time, out: &mut Vec<Out>) {
+        if let Some(follower) = &mut self.follower {
+            follower.resume();
+        }
         self.enter_legs();
         self.drive(now, out);
         if let Some(follower) = &mut self.follower {
             follower.wake(now);
+        }
+        // Who gets nowhere lets the ground plan anew from here.
+        let commanded = out.iter().any(|said| matches!(said, Out::Command(_)));
+        if self.pilot.failures() >= FAILURES_MAX && !commanded {
+            self.stay();
         }
     }
 
     /// Enters legs ahead as far as the plans allow, so that stops without dwell are driven through.
     fn enter_legs(&mut self) {
         let Some(follower) = &mut self.follower else { return };
-        while self.pilot.way().length_m() < ENTER_AHEAD_M {
+        let ahead_m = if self.pilot.failures() > 0 { ENTER_FAR_M } else { ENTER_AHEAD_M };
+        while self.pilot.way().length_m() < ahead_m {
             let Some(stop) = follower.next_leg().cloned() else { return };
             if follower.enter(stop.id).is_err() {
                 return;
             }
             let route = stop.route.iter().map(|corner| Point::from(*corner));
             self.pilot.append(route, stop.at.into(), Some(stop.id));
+        }
+    }
+
+    /// Gives up the next stop when neither it nor another one that may be entered can be reached, but one behind
+    /// them can: the others wait for this vehicle, and it would wait for them.
+    fn give_up_stop(&mut self, now: Time, out: &mut Vec<Out>) {
+        let (Some(state), Wanted::Following) = (&self.state, self.wanted) else { return };
+        let behind = self.stops_behind();
+        let reach = |stop: &Stop| self.pilot.can_reach(now, state, stop.at.into());
+        let is_end = behind.is_empty() && self.pilot.way().stops().count() <= LAST_STOPS;
+        if self.skips >= SKIPS_MAX || (!is_end && !behind.iter().take(LOOK_STOPS).any(reach)) {
+            return;
+        }
+        let place = Point::from(state.pose.at);
+        self.skips += 1;
+        for stop in self.pilot.skip(place) {
+            out.push(Out::Remark(Remark::Skipped(stop)));
+            self.done(now, stop, place);
+        }
+    }
+
+    /// The stops of the plan behind those that are entered.
+    fn stops_behind(&self) -> &[Stop] {
+        let Some(follower) = &self.follower else { return &[] };
+        let stops = follower.plan().map_or(&[][..], |plan| &plan.stops);
+        let last = follower.entered().last().map(|stop| stop.id);
+        let entered = stops.iter().position(|stop| Some(stop.id) == last);
+        entered.map_or(&[], |index| &stops[index + 1..])
+    }
+
+    fn done(&mut self, now: Time, stop: StopId, place: Point) {
+        if let Some(follower) = &mut self.follower {
+            // Only a stop of a plan that was given up meanwhile is refused: then nobody waits for it.
+            let _ = follower.arrive(now, stop, place);
         }
     }
 
@@ -215,16 +273,19 @@ impl Mission {
         let remark = match met {
             Met::Stop(stop) => {
                 let place = self.state.as_ref().map(|state| Point::from(state.pose.at)).unwrap_or_default();
-                if let Some(follower) = &mut self.follower {
-                    // Only a stop of a plan that was given up meanwhile is refused: then nobody waits for it.
-                    let _ = follower.arrive(now, stop, place);
-                }
+                self.skips = 0;
+                self.done(now, stop, place);
                 Remark::Done(stop)
             }
             Met::Looks(at) => Remark::Looks(at),
             Met::Blocked(at) => Remark::Blocked(at),
             Met::Path(length_m) => Remark::Path(length_m),
-            Met::NoPath(reason) => Remark::NoPath(reason),
+            Met::NoPath(failures) => {
+                if failures >= FAILURES_MAX {
+                    self.give_up_stop(now, out);
+                }
+                Remark::NoPath(failures)
+            }
         };
         out.push(Out::Remark(remark));
     }
@@ -321,7 +382,11 @@ impl Mission {
 
     fn remark(&mut self, now: Time, remark: &vehicle::Remark) {
         match remark {
-            vehicle::Remark::Halted { .. } | vehicle::Remark::Refused(_) => self.pilot.halted(now),
+            vehicle::Remark::Halted { bump, .. } => {
+                self.pilot.bumped(now, *bump);
+                self.pilot.halted(now);
+            }
+            vehicle::Remark::Refused(_) => self.pilot.refused(now),
             vehicle::Remark::AutopilotSilent => {}
         }
     }

@@ -8,15 +8,16 @@
 //!      └─ end of the way reached ─► at rest
 //! ```
 
+use std::collections::VecDeque;
 use std::time::Duration;
 
 use tomoswarm_proto::{Mode, State, StopId, TileReport};
 
 use super::super::Settings;
-use super::super::vehicle::Command;
+use super::super::vehicle::{Bump, Command};
 use super::look::{Look, Next};
 use super::way::Way;
-use crate::geom::{Point, Pose, Rect, Segment};
+use crate::geom::{Angle, Point, Pose, Rect, Segment};
 use crate::map::{CellRect, Merged};
 use crate::plan::{Corridor, Grid, Release, Rules, shortest_route};
 use crate::time::{Deadline, Time};
@@ -35,10 +36,23 @@ const ARRIVED_M: f64 = 0.35;
 const BACKOFF_M: f64 = 0.02;
 /// After a command that had no effect, wait this long.
 const RETRY_AFTER: Duration = Duration::from_millis(600);
-/// After a search without a result, wait this long.
+/// After a search without a result, wait this long; longer after every further one.
 const SEARCH_AGAIN: Duration = Duration::from_secs(3);
+/// The longest such wait, in shortest ones.
+const LONGEST_WAIT: u32 = 4;
+/// Looks at one place before what is unknown counts as barred.
+const LOOKS_MAX: u32 = 4;
+/// Places remembered to go back to, and how far apart they are, metres.
+const TRAIL: usize = 16;
+const TRAIL_STEP_M: f64 = 0.5;
+/// A place to go back to is at least this far away, metres.
+const RETREAT_M: f64 = 1.0;
+/// After so many refusals in a row, peers that stand are planned around.
+const REFUSALS_MAX: u32 = 4;
 /// Paths are searched in a rectangle this much larger than start and goal, metres.
 const SEARCH_MARGIN_M: f64 = 6.0;
+/// Bumps are looked for along the way in steps of this length, metres.
+const STEP_M: f64 = 0.1;
 /// A vehicle too near to something may leave it this far, metres.
 const ESCAPE_M: f64 = 1.0;
 
@@ -53,8 +67,8 @@ pub enum Met {
     Blocked(Point),
     /// A path was found; its length, metres.
     Path(f64),
-    /// There is no path, at least not now.
-    NoPath(String),
+    /// There is no path, at least not now; searches in vain in a row.
+    NoPath(u32),
 }
 
 #[derive(Clone, Debug)]
@@ -85,6 +99,20 @@ pub struct Pilot {
     looked: bool,
     /// Peers that stand, and are planned around.
     peers: Vec<Point>,
+    /// What made the reflex halt lately, whether the map shows it or not.
+    bumps: Vec<Bump>,
+    /// A path was found, and nothing of it has been driven.
+    path_is_fresh: bool,
+    /// Looks since the last drive.
+    looks: u32,
+    /// Where the vehicle has been, oldest first: the way back out of a dead end.
+    trail: VecDeque<Point>,
+    /// On the way back out of a dead end: at its end a path is searched, whatever is released.
+    retreats: bool,
+    /// Commands refused in a row.
+    refusals: u32,
+    /// Searches without a result in a row.
+    failures: u32,
 }
 
 impl Pilot {
@@ -99,6 +127,13 @@ impl Pilot {
             commanded_at: Time::ZERO,
             looked: false,
             peers: Vec::new(),
+            bumps: Vec::new(),
+            path_is_fresh: false,
+            looks: 0,
+            trail: VecDeque::new(),
+            retreats: false,
+            refusals: 0,
+            failures: 0,
         }
     }
 
@@ -125,6 +160,30 @@ impl Pilot {
         self.way.clear(place);
         self.doing = Doing::Driving;
         self.commanded_m = None;
+        (self.refusals, self.failures) = (0, 0);
+    }
+
+    /// Tells how many searches in a row have found nothing on the way that can be reached.
+    pub fn failures(&self) -> u32 {
+        self.failures
+    }
+
+    /// Gives up the way to the next stop, which cannot be reached; gives the stops at it.
+    pub fn skip(&mut self, place: Point) -> Vec<StopId> {
+        self.commanded_m = None;
+        self.way.skip(place)
+    }
+
+    /// Remembers what made the reflex halt.
+    pub fn bumped(&mut self, now: Time, bump: Bump) {
+        self.bumps.retain(|known| known.until > now);
+        self.bumps.push(bump);
+    }
+
+    /// Forgets the standing command, which was refused.
+    pub fn refused(&mut self, now: Time) {
+        self.refusals += 1;
+        self.halted(now);
     }
 
     /// Takes where peers stand, to be planned around.
@@ -167,10 +226,11 @@ impl Pilot {
     pub fn advance(&mut self, now: Time, state: &State, met: &mut Vec<Met>) -> Option<Command> {
         let pose = Pose::from(state.pose);
         let resting = !matches!(state.mode, Mode::Driving | Mode::Turning);
-        met.extend(self.way.pass(pose.at).into_iter().map(Met::Stop));
-        if resting && self.way.end().distance_to(pose.at) <= ARRIVED_M && self.is_settled(now) {
-            met.extend(self.way.arrive().into_iter().map(Met::Stop));
+        self.remember(pose.at);
+        if !resting {
+            self.refusals = 0;
         }
+        self.pass(now, pose, resting, met);
         if self.way.is_empty() {
             self.commanded_m = None;
             self.doing = Doing::Driving;
@@ -180,13 +240,27 @@ impl Pilot {
             Doing::Driving => self.drive(now, pose, resting, met),
             Doing::Looking(_) => self.look(now, pose, resting, met),
             Doing::Planning { .. } => self.take_path(now, pose, met),
-            Doing::Waiting { until } => {
-                if now >= *until {
-                    self.doing = Doing::Driving;
-                }
+            Doing::Waiting { until } if now < *until => None,
+            // What was taken for an obstacle is looked at again, in every second try.
+            Doing::Waiting { .. } if self.failures % 2 == 1 && resting => {
+                Some(self.look_around(now, pose.at.angle_to(self.way.end()), pose.at, met))
+            }
+            Doing::Waiting { .. } => {
+                self.doing = Doing::Driving;
                 None
             }
         }
+    }
+
+    fn pass(&mut self, now: Time, pose: Pose, resting: bool, met: &mut Vec<Met>) {
+        let mut passed = self.way.pass(pose.at);
+        if resting && self.way.end().distance_to(pose.at) <= ARRIVED_M && self.is_settled(now) {
+            passed.extend(self.way.arrive());
+        }
+        if !passed.is_empty() {
+            self.failures = 0;
+        }
+        met.extend(passed.into_iter().map(Met::Stop));
     }
 
     /// Tells whether the last command has had time to show in the state.
@@ -194,11 +268,31 @@ impl Pilot {
         now.since(self.commanded_at) >= RETRY_AFTER
     }
 
-    fn release(&self, pose: Pose) -> Release {
+    fn release(&self, now: Time, pose: Pose) -> Release {
         let points = self.way.points();
         let half_width_m = self.half_width_m(pose);
         let view = self.map.view(self.settings.slice, self.around(pose.at, AHEAD_M + 2.0));
-        Corridor { half_width_m, ahead_m: AHEAD_M }.released(&view, &points, pose.at)
+        let mut release = Corridor { half_width_m, ahead_m: AHEAD_M }.released(&view, &points, pose.at);
+        for bump in self.bumps.iter().filter(|bump| bump.until > now) {
+            self.hold_before(bump, pose, &mut release);
+        }
+        release
+    }
+
+    /// Ends a release where the way would lead to what made the reflex halt.
+    fn hold_before(&self, bump: &Bump, pose: Pose, release: &mut Release) {
+        let (here_m, bump_m) = (release.here_m, bump.at.distance_to(pose.at));
+        let steps = (release.ahead_m() / STEP_M).ceil() as usize;
+        let leads_there = |step: &usize| {
+            let until_m = (here_m + *step as f64 * STEP_M).min(release.free_until_m);
+            let route = self.way.until(pose.at, here_m, until_m);
+            route.windows(2).any(|pair| !bump.is_passed_by(Segment::new(pair[0], pair[1]), bump_m))
+        };
+        if let Some(step) = (1..=steps).find(leads_there) {
+            let at_m = here_m + (step - 1) as f64 * STEP_M;
+            release.free_until_m = at_m;
+            (release.blocked, release.blocked_at_m) = (Some(bump.at), Some(at_m));
+        }
     }
 
     fn half_width_m(&self, pose: Pose) -> f64 {
@@ -210,7 +304,7 @@ impl Pilot {
     }
 
     fn drive(&mut self, now: Time, pose: Pose, resting: bool, met: &mut Vec<Met>) -> Option<Command> {
-        let release = self.release(pose);
+        let release = self.release(now, pose);
         let whole_m = self.way.length_m();
         let ends_way = release.free_until_m >= whole_m - 1e-6;
         let until_m = if ends_way { whole_m } else { release.free_until_m - BACKOFF_M };
@@ -227,8 +321,17 @@ impl Pilot {
         if !self.is_settled(now) {
             return None;
         }
+        if self.refusals >= REFUSALS_MAX || self.has_retreated() {
+            self.refusals = 0;
+            self.retreats = false;
+            met.push(Met::Blocked(pose.at));
+            self.search(now, pose);
+            return None;
+        }
         if goes_m >= GO_M || (ends_way && goes_m > 0.0) {
             self.looked = false;
+            self.looks = 0;
+            self.path_is_fresh = false;
             return self.command(now, pose, release.here_m, until_m);
         }
         resting.then(|| self.overcome(now, pose, &release, met)).flatten()
@@ -251,25 +354,35 @@ impl Pilot {
     fn overcome(&mut self, now: Time, pose: Pose, release: &Release, met: &mut Vec<Met>) -> Option<Command> {
         let blocked_m = release.blocked_at_m.unwrap_or(f64::INFINITY);
         match release.unknown.filter(|_| release.unknown_at_m.is_some_and(|at_m| at_m <= blocked_m)) {
-            Some(unknown) if !self.looked => {
-                met.push(Met::Looks(unknown));
-                let look = Look::toward(pose.at.angle_to(unknown), now);
-                self.doing = Doing::Looking(look);
-                self.commanded_at = now;
-                Some(Command::Turn(look.heading()))
+            Some(unknown) if !self.looked && self.looks < LOOKS_MAX => {
+                self.looks += 1;
+                Some(self.look_around(now, pose.at.angle_to(unknown), unknown, met))
             }
             unknown => {
                 met.push(Met::Blocked(release.blocked.or(unknown).unwrap_or(pose.at)));
-                self.search(now, pose);
+                if std::mem::take(&mut self.path_is_fresh) {
+                    self.fail(now, met);
+                } else {
+                    self.search(now, pose);
+                }
                 None
             }
         }
     }
 
+    /// Begins to look around, first in a direction.
+    fn look_around(&mut self, now: Time, toward: Angle, at: Point, met: &mut Vec<Met>) -> Command {
+        met.push(Met::Looks(at));
+        let look = Look::toward(toward, now);
+        self.doing = Doing::Looking(look);
+        self.commanded_at = now;
+        Command::Turn(look.heading())
+    }
+
     fn look(&mut self, now: Time, pose: Pose, resting: bool, met: &mut Vec<Met>) -> Option<Command> {
-        let release = self.release(pose);
+        let release = self.release(now, pose);
         let Doing::Looking(look) = &mut self.doing else { return None };
-        if resting && release.ahead_m() >= GO_M {
+        if resting && release.ahead_m() >= GO_M + BACKOFF_M {
             self.doing = Doing::Driving;
             return self.drive(now, pose, resting, met);
         }
@@ -293,24 +406,77 @@ impl Pilot {
         let rules = Rules { escape_m: ESCAPE_M, ..Rules::default() };
         let mut found = None;
         for (index, corner) in self.way.ahead().enumerate() {
-            if let Some(points) = self.path(pose, corner.at, &rules) {
+            if let Some(points) = self.path(now, pose, corner.at, !self.looked, &rules) {
                 found = Some((index + 1, points));
                 break;
             }
         }
+        if found.is_none() && self.failures % 3 == 2 {
+            found = self.retreat(now, pose, &rules).map(|points| (0, points));
+            self.retreats = found.is_some();
+        }
         self.doing = Doing::Planning { ready: now + self.settings.path_time, found };
     }
 
-    fn path(&self, pose: Pose, goal: Point, rules: &Rules) -> Option<Vec<Point>> {
+    /// Searches a path back to where the vehicle came from, as far back as can be: things look different from there.
+    fn retreat(&self, now: Time, pose: Pose, rules: &Rules) -> Option<Vec<Point>> {
+        let far = |place: &&Point| place.distance_to(pose.at) >= RETREAT_M;
+        self.trail.iter().filter(far).find_map(|place| self.path(now, pose, *place, true, rules))
+    }
+
+    /// Tells whether the way back out of a dead end has been driven.
+    fn has_retreated(&self) -> bool {
+        self.retreats && self.way.ahead().next().is_some_and(|corner| !corner.stops.is_empty())
+    }
+
+    fn remember(&mut self, place: Point) {
+        if self.trail.back().is_none_or(|last| last.distance_to(place) >= TRAIL_STEP_M) {
+            self.trail.push_back(place);
+        }
+        if self.trail.len() > TRAIL {
+            self.trail.pop_front();
+        }
+    }
+
+    /// Tells whether a place could be reached, as far as is known; unknown cells count as free.
+    pub fn can_reach(&self, now: Time, state: &State, place: Point) -> bool {
+        let rules = Rules { escape_m: ESCAPE_M, ..Rules::default() };
+        self.path(now, Pose::from(state.pose), place, true, &rules).is_some()
+    }
+
+    fn path(
+        &self,
+        now: Time,
+        pose: Pose,
+        goal: Point,
+        unknown_allowed: bool,
+        rules: &Rules,
+    ) -> Option<Vec<Point>> {
         let area = CellRect::around(self.settings.lattice, &[pose.at, goal], SEARCH_MARGIN_M)?;
         let view = self.map.view(self.settings.slice, area);
-        let mut grid = Grid::of_map(&view, area, self.half_width_m(pose), !self.looked).ok()?;
-        let (fence, radius_m) = (&self.settings.fence, self.settings.body.radius_m);
-        grid.close_where(|place| !fence.contains_disc(place, radius_m));
-        for peer in &self.peers {
-            grid.close_within(Segment::new(*peer, *peer), self.settings.safety.separation_m);
-        }
+        let mut grid = Grid::of_map(&view, area, self.half_width_m(pose), unknown_allowed).ok()?;
+        self.close(&mut grid, now, pose, goal);
         shortest_route(&grid, pose.at, goal, rules).ok().map(|route| route.points)
+    }
+
+    /// Closes what the map does not know: the fence, peers that stand, and what made the reflex halt. Where the
+    /// vehicle stands, or the goal lies, nearer than wished, that much must do.
+    fn close(&self, grid: &mut Grid, now: Time, pose: Pose, goal: Point) {
+        let cell_m = self.settings.lattice.cell_m();
+        let (fence, radius_m) = (&self.settings.fence, self.settings.body.radius_m);
+        let edge_m = fence.distance_to_edge(pose.at).min(fence.distance_to_edge(goal)) - cell_m;
+        let fence_m = self.half_width_m(pose).min(edge_m).max(radius_m);
+        grid.close_where(|place| !fence.contains_disc(place, fence_m));
+        let mut keep = |at: Point, keep_m: f64| {
+            let keep_m = (keep_m + cell_m).min(at.distance_to(pose.at) - cell_m);
+            grid.close_within(Segment::new(at, at), keep_m);
+        };
+        for peer in &self.peers {
+            keep(*peer, self.settings.safety.separation_m);
+        }
+        for bump in self.bumps.iter().filter(|bump| bump.until > now) {
+            keep(bump.at, bump.keep_m);
+        }
     }
 
     fn take_path(&mut self, now: Time, pose: Pose, met: &mut Vec<Met>) -> Option<Command> {
@@ -319,16 +485,27 @@ impl Pilot {
             return None;
         }
         let Some((count, points)) = found.take() else {
-            met.push(Met::NoPath("nothing ahead can be reached over what is known".to_owned()));
-            self.looked = false;
-            self.doing = Doing::Waiting { until: now + SEARCH_AGAIN };
+            self.fail(now, met);
             return None;
         };
+        if count == 0 {
+            self.failures += 1;
+        }
+        self.path_is_fresh = true;
         let length_m = points.windows(2).map(|pair| Segment::new(pair[0], pair[1]).length_m()).sum();
         met.push(Met::Path(length_m));
         self.way.replace(pose.at, count, &points[1..]);
         self.commanded_m = None;
         self.doing = Doing::Driving;
         None
+    }
+
+    /// Nothing was found, or what was found is blocked at once: waits, each time longer.
+    fn fail(&mut self, now: Time, met: &mut Vec<Met>) {
+        self.looked = false;
+        self.failures += 1;
+        met.push(Met::NoPath(self.failures));
+        let wait = SEARCH_AGAIN * self.failures.min(LONGEST_WAIT);
+        self.doing = Doing::Waiting { until: now + wait };
     }
 }

@@ -42,6 +42,11 @@ impl Way {
         self.ahead.iter()
     }
 
+    /// Gives the stops ahead.
+    pub fn stops(&self) -> impl Iterator<Item = StopId> {
+        self.ahead.iter().flat_map(|corner| corner.stops.iter().copied())
+    }
+
     /// Gives the end of the way.
     pub fn end(&self) -> Point {
         self.ahead.back().map_or(self.behind, |corner| corner.at)
@@ -64,6 +69,17 @@ impl Way {
             self.ahead.push_front(Corner { at: *at, stops });
         }
         self.behind = from;
+    }
+
+    /// Leaves out what is ahead up to the next stop, from a place where the vehicle rests; gives the stops there.
+    pub fn skip(&mut self, place: Point) -> Vec<StopId> {
+        self.behind = place;
+        while let Some(corner) = self.ahead.pop_front() {
+            if !corner.stops.is_empty() {
+                return corner.stops;
+            }
+        }
+        Vec::new()
     }
 
     /// Forgets everything ahead.

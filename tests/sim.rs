@@ -1,0 +1,13 @@
+//! Whole simulated missions: a scene, a fault, a claim. Every run here is checked by the referee of the simulated
+//! world: nobody touches anything, nobody leaves the fence, nobody comes too near to another.
+
+#[path = "sim/bus.rs"]
+mod bus;
+#[path = "sim/fleets.rs"]
+mod fleets;
+#[path = "sim/obstacles.rs"]
+mod obstacles;
+#[path = "sim/place.rs"]
+mod place;
+#[path = "sim/seeds.rs"]
+mod seeds;
