@@ -17,7 +17,7 @@ pub enum CliError {
     #[error("{0}")]
     Config(#[from] Problems),
     /// A file that is needed cannot be read.
-    #[error("{}: cannot be read: {source}", path.display())]
+    #[error("{}: cannot be read: {source}; expected a file that can be read", path.display())]
     Read {
         /// The file.
         path: PathBuf,
@@ -99,7 +99,7 @@ mod tests {
         let (path, reason) = (PathBuf::from("a/b.csv"), "line 3: rssi_dbm = 300".to_owned());
         check(
             CliError::Read { path: path.clone(), source: missing() },
-            "a/b.csv: cannot be read: entity not found",
+            "a/b.csv: cannot be read: entity not found; expected a file that can be read",
             2,
         );
         check(
