@@ -17,7 +17,7 @@ pub enum CliError {
     #[error("{0}")]
     Config(#[from] Problems),
     /// A file that is needed cannot be read.
-    #[error("{}: cannot be read: {source}", path.display())]
+    #[error("{}: cannot be read: {source}; expected a file that can be read", path.display())]
     Read {
         /// The file.
         path: PathBuf,
@@ -30,6 +30,16 @@ pub enum CliError {
         /// The file.
         path: PathBuf,
         /// What is wrong, with its place in the file, and what was expected.
+        reason: String,
+    },
+    /// A line of a file makes no sense.
+    #[error("{}:{line}: {reason}", path.display())]
+    Line {
+        /// The file.
+        path: PathBuf,
+        /// The line, counted from 1.
+        line: usize,
+        /// What is wrong, and what was expected.
         reason: String,
     },
     /// Several files are wrong; one line per mistake.
@@ -63,6 +73,7 @@ impl CliError {
             | CliError::Config(_)
             | CliError::Read { .. }
             | CliError::Input { .. }
+            | CliError::Line { .. }
             | CliError::Several(_)
             | CliError::Image(_)
             | CliError::Write { .. } => 2,
@@ -88,7 +99,7 @@ mod tests {
         let (path, reason) = (PathBuf::from("a/b.csv"), "line 3: rssi_dbm = 300".to_owned());
         check(
             CliError::Read { path: path.clone(), source: missing() },
-            "a/b.csv: cannot be read: entity not found",
+            "a/b.csv: cannot be read: entity not found; expected a file that can be read",
             2,
         );
         check(

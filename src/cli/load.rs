@@ -75,8 +75,8 @@ pub fn read_shapes(
     };
     let mut inline = |name: &str| loader(&config::beside(file, name));
     scene::read_vrml(&text, file, up, &mut inline).map_err(|error| {
-        let reason = format!("line {}: {}", error.line, error.reason);
-        CliError::Input { path: error.file.into(), reason }
+        let scene::VrmlError { file, line, reason } = error;
+        CliError::Line { path: file.into(), line, reason }
     })
 }
 

@@ -29,7 +29,7 @@ pub fn text(path: &Path) -> Result<String, CliError> {
     String::from_utf8(bytes).map_err(|error| {
         let good = error.utf8_error().valid_up_to();
         let line = 1 + error.as_bytes()[..good].iter().filter(|byte| **byte == b'\n').count();
-        unusable(format!("line {line}: is no text (UTF-8 is expected)"))
+        CliError::Line { path: path.to_owned(), line, reason: "is no text (UTF-8 is expected)".to_owned() }
     })
 }
 
@@ -66,6 +66,7 @@ fn named(path: &Path) -> Result<String, String> {
     text(path).map_err(|error| match error {
         CliError::Read { source, .. } => source.to_string(),
         CliError::Input { reason, .. } => reason,
+        CliError::Line { line, reason, .. } => format!("line {line}: {reason}"),
         CliError::Usage(_)
         | CliError::Config(_)
         | CliError::Several(_)

@@ -38,7 +38,7 @@ pub struct SimArgs {
     /// Give up after this much virtual time, in place of the file's; the mission has failed then
     #[arg(long, value_name = "SECONDS", allow_negative_numbers = true, value_parser = parse_seconds)]
     pub until: Option<Duration>,
-    /// Folder for pictures and data; a run in it is replaced, other files stay [default: out/<scene>-<seed>]
+    /// Folder for pictures and data; a run in it is replaced, other files stay [default: out/SCENE-SEED]
     #[arg(long, value_name = "FOLDER")]
     pub out: Option<PathBuf>,
     /// Write the data but draw no pictures
