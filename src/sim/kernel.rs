@@ -7,6 +7,10 @@
 //!     └───────────── simulated drivers (world), bus ◄────────────────────────────────────────────────────┘
 //! ```
 
+#[cfg(test)]
+#[path = "rig.rs"]
+mod rig;
+
 use std::sync::Arc;
 use std::time::Duration;
 
