@@ -165,7 +165,7 @@ impl Rig {
         for touch in due {
             self.world.touch(&touch);
         }
-        if self.now.as_nanos() % 100_000_000 == 0 {
+        if self.now.as_nanos().is_multiple_of(100_000_000) {
             self.tell(Event::Telemetry(self.world.telemetry(0, self.now)));
         }
         let due: Vec<_> = self.echoes.extract_if(.., |(at, _)| *at <= self.now).collect();
