@@ -8,7 +8,6 @@
 //! ```
 
 #[cfg(test)]
-#[path = "rig.rs"]
 mod rig;
 
 use std::sync::Arc;
