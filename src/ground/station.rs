@@ -499,3 +499,6 @@ impl Input for In {
         }
     }
 }
+
+#[cfg(test)]
+mod tests;

@@ -15,16 +15,23 @@
 //!
 //! Deadline: `telemetry silent`.
 
+mod orders;
+mod words;
+
 use std::collections::{BTreeMap, VecDeque};
 use std::time::Duration;
 
-use tomoswarm_proto::{Lease, LegReport, Mode, Order, OrderKind, Revision, RunId, State, StopId, VehicleId};
+use tomoswarm_proto::{Lease, LegReport, Mode, Order, OrderKind, Revision, RunId, State, VehicleId};
 
 use super::Settings;
 use super::sensor::Scan;
 use crate::actor::{Actor, Class, Fault, Input};
-use crate::geom::{Angle, Point, Pose, Segment, Track};
+use crate::geom::{Point, Pose, Segment, Track};
 use crate::time::{Deadline, Time};
+
+pub use orders::join_orders;
+use orders::rank;
+pub use words::{Bump, Command, Fly, Motion, Refusal, Remark, Telemetry};
 
 /// Telemetry older than this makes the autopilot silent.
 const SILENT_AFTER: Duration = Duration::from_secs(2);
@@ -42,62 +49,6 @@ const ROUTE_START_M: f64 = 0.75;
 const ORDER_AGE: Duration = Duration::from_secs(15);
 /// After this long a resting autopilot has ended the drive that it was told.
 const REST_GRACE: Duration = Duration::from_millis(300);
-
-/// What the autopilot driver reports.
-#[derive(Clone, Copy, PartialEq, Debug)]
-pub struct Telemetry {
-    /// Where the autopilot believes to be.
-    pub pose: Pose,
-    /// Speed over ground, m/s.
-    pub speed_mps: f64,
-    /// Charge left, 0 to 1.
-    pub battery: f64,
-    /// Whether and how the body moves.
-    pub motion: Motion,
-}
-
-/// Whether and how a body moves.
-#[derive(Clone, Copy, PartialEq, Eq, Debug)]
-pub enum Motion {
-    /// Standing.
-    Resting,
-    /// Turning on the spot.
-    Turning,
-    /// Driving.
-    Driving,
-}
-
-/// What the mission wants done.
-#[derive(Clone, PartialEq, Debug)]
-pub enum Command {
-    /// Drive along a route to its end; a later one replaces it at once.
-    Drive {
-        /// The stop that the route leads to, for the log.
-        stop: Option<StopId>,
-        /// Corners, the first near the present place.
-        route: Vec<Point>,
-    },
-    /// Turn on the spot.
-    Turn(Angle),
-    /// Stand still.
-    Hold,
-}
-
-/// What the autopilot shall do.
-#[derive(Clone, PartialEq, Debug)]
-pub enum Fly {
-    /// Drive through the corners and stop at the last.
-    Drive {
-        /// Corners, without the present place.
-        corners: Vec<Point>,
-        /// Speed limit, m/s.
-        speed_mps: f64,
-    },
-    /// Turn on the spot.
-    Turn(Angle),
-    /// Brake and stand.
-    Stop,
-}
 
 /// What the vehicle actor can be told.
 #[derive(Clone, PartialEq, Debug)]
@@ -129,59 +80,6 @@ pub enum Out {
     Order(Order),
     /// Something that mission and operator should know.
     Remark(Remark),
-}
-
-/// What the envelope or the reflex decided.
-#[derive(Clone, PartialEq, Debug)]
-pub enum Remark {
-    /// The reflex stopped the vehicle: something is this near ahead, metres.
-    Halted {
-        /// Distance from the body to the object, metres.
-        ahead_m: f64,
-        /// What is kept clear of for a while.
-        bump: Bump,
-    },
-    /// A command was not obeyed.
-    Refused(Refusal),
-    /// The autopilot says nothing any more.
-    AutopilotSilent,
-}
-
-/// Something that made the reflex halt: an echo from somewhere in the beam's cone.
-#[derive(Clone, Copy, PartialEq, Debug)]
-pub struct Bump {
-    /// Where the echo came from, on the beam's axis.
-    pub at: Point,
-    /// How near the vehicle's middle may come, metres.
-    pub keep_m: f64,
-    /// Until when it is believed to be there.
-    pub until: Time,
-}
-
-impl Bump {
-    /// Tells whether a way keeps clear, or at least never comes nearer than `here_m`, metres.
-    pub fn is_passed_by(&self, way: Segment, here_m: f64) -> bool {
-        way.distance_to_point(self.at) >= self.keep_m.min(here_m) - 1e-3
-    }
-}
-
-/// Why a command was not obeyed.
-#[derive(Clone, Copy, PartialEq, Eq, Debug)]
-pub enum Refusal {
-    /// No telemetry yet, or too old.
-    NoPose,
-    /// The pose deviation is too large.
-    PoseUncertain,
-    /// The route does not begin where the vehicle is.
-    NotHere,
-    /// The route leaves the fence.
-    Fence,
-    /// The route comes too near to another vehicle or its route.
-    Separation(VehicleId),
-    /// The route leads to what made the reflex halt.
-    Bump,
-    /// An emergency order stands.
-    Emergency,
 }
 
 /// The vehicle actor.
@@ -520,31 +418,5 @@ impl Input for In {
     }
 }
 
-/// Joins two unread orders: within one lease and run the stronger kind wins, otherwise the newer order.
-///
-/// emergency > land > return > hold > start; the joined order carries the higher revision, so that
-/// neither of the two comes back.
-pub fn join_orders(unread: Order, newer: Order) -> Order {
-    if (unread.lease, unread.run) != (newer.lease, newer.run) {
-        return if rank(unread.lease) > rank(newer.lease) { unread } else { newer };
-    }
-    let kind = stronger(unread.kind, newer.kind);
-    let latest = if unread.revision > newer.revision { unread } else { newer };
-    Order { kind, ..latest }
-}
-
-/// Orders leases: the higher number first, a tie goes to the lower holder.
-fn rank(lease: Lease) -> (u32, u64) {
-    (lease.number, u64::MAX - lease.holder)
-}
-
-fn stronger(a: OrderKind, b: OrderKind) -> OrderKind {
-    let rank = |kind: OrderKind| match kind {
-        OrderKind::Start => 0,
-        OrderKind::Hold => 1,
-        OrderKind::Return => 2,
-        OrderKind::Land => 3,
-        OrderKind::Emergency => 4,
-    };
-    if rank(b) > rank(a) { b } else { a }
-}
+#[cfg(test)]
+mod tests;

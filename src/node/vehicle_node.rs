@@ -66,6 +66,16 @@ impl VehicleNode {
         self.radio.actor().samples_made(run)
     }
 
+    /// Tells how many inputs its actors have dropped unread, because they were too slow.
+    pub fn dropped(&self) -> u64 {
+        self.vehicle.dropped()
+            + self.sensor.dropped()
+            + self.map.dropped()
+            + self.mission.dropped()
+            + self.radio.dropped()
+            + self.outbox.dropped()
+    }
+
     /// Tells the vehicle something, and lets its actors act until all is quiet.
     ///
     /// # Errors

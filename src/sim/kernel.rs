@@ -7,6 +7,9 @@
 //!     └───────────── simulated drivers (world), bus ◄────────────────────────────────────────────────────┘
 //! ```
 
+#[cfg(test)]
+mod rig;
+
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -229,8 +232,12 @@ impl Kernel {
     fn log_holdings(&mut self) {
         for vehicle in 0..self.vehicles.len() {
             let node = &self.vehicles[vehicle];
-            let (id, map, samples) = (node.id(), map_hash(&node.map().digest()), node.samples_made(RUN));
-            self.log(&format!("vehicle {id}"), format_args!("holds map {map:016x}, made {samples} samples"));
+            let (who, map) = (format!("vehicle {}", node.id()), map_hash(&node.map().digest()));
+            let (samples, dropped) = (node.samples_made(RUN), node.dropped());
+            let waits = node.mission().waits_for().map_or("drives on".to_owned(), |waits| waits.to_string());
+            let what =
+                format!("holds map {map:016x}, made {samples} samples, dropped {dropped} inputs, {waits}");
+            self.log(&who, format_args!("{what}"));
         }
         let station = self.ground.station();
         let (map, samples) = (map_hash(&station.map().digest()), station.samples().count(RUN));

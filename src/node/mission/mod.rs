@@ -497,3 +497,6 @@ impl Input for In {
         }
     }
 }
+
+#[cfg(test)]
+mod tests;

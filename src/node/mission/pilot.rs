@@ -107,8 +107,9 @@ pub struct Pilot {
     looks: u32,
     /// Where the vehicle has been, oldest first: the way back out of a dead end.
     trail: VecDeque<Point>,
-    /// On the way back out of a dead end: at its end a path is searched, whatever is released.
-    retreats: bool,
+    /// On the way back out of a dead end: the odometer at its end, metres. There a path is searched, whatever is
+    /// released.
+    retreat_m: Option<f64>,
     /// Commands refused in a row.
     refusals: u32,
     /// Searches without a result in a row.
@@ -131,7 +132,7 @@ impl Pilot {
             path_is_fresh: false,
             looks: 0,
             trail: VecDeque::new(),
-            retreats: false,
+            retreat_m: None,
             refusals: 0,
             failures: 0,
         }
@@ -159,7 +160,7 @@ impl Pilot {
     pub fn give_up(&mut self, place: Point) {
         self.way.clear(place);
         self.doing = Doing::Driving;
-        self.commanded_m = None;
+        (self.commanded_m, self.retreat_m) = (None, None);
         (self.refusals, self.failures) = (0, 0);
     }
 
@@ -170,7 +171,7 @@ impl Pilot {
 
     /// Gives up the way to the next stop, which cannot be reached; gives the stops at it.
     pub fn skip(&mut self, place: Point) -> Vec<StopId> {
-        self.commanded_m = None;
+        (self.commanded_m, self.retreat_m) = (None, None);
         self.way.skip(place)
     }
 
@@ -269,7 +270,11 @@ impl Pilot {
     }
 
     fn release(&self, now: Time, pose: Pose) -> Release {
-        let points = self.way.points();
+        let mut points = self.way.points();
+        if let Some(end_m) = self.retreat_m {
+            // The way on lies over the way back: only the latter is judged, until its end is reached.
+            points = self.way.until(points[0], 0.0, self.way.along_m(end_m));
+        }
         let half_width_m = self.half_width_m(pose);
         let view = self.map.view(self.settings.slice, self.around(pose.at, AHEAD_M + 2.0));
         let mut release = Corridor { half_width_m, ahead_m: AHEAD_M }.released(&view, &points, pose.at);
@@ -321,9 +326,9 @@ impl Pilot {
         if !self.is_settled(now) {
             return None;
         }
-        if self.refusals >= REFUSALS_MAX || self.has_retreated() {
+        if self.refusals >= REFUSALS_MAX || self.has_retreated(&release) {
             self.refusals = 0;
-            self.retreats = false;
+            self.retreat_m = None;
             met.push(Met::Blocked(pose.at));
             self.search(now, pose);
             return None;
@@ -403,30 +408,52 @@ impl Pilot {
 
     /// Searches a path to the nearest corner ahead that can be reached; the result may be used later.
     fn search(&mut self, now: Time, pose: Pose) {
-        let rules = Rules { escape_m: ESCAPE_M, ..Rules::default() };
         let mut found = None;
-        for (index, corner) in self.way.ahead().enumerate() {
-            if let Some(points) = self.path(now, pose, corner.at, !self.looked, &rules) {
-                found = Some((index + 1, points));
-                break;
-            }
+        if self.is_hemmed_in(now, pose) {
+            found = self.retreat(self.trail.iter().rev(), now, pose);
+        }
+        if found.is_none() {
+            found = self.detour(now, pose);
         }
         if found.is_none() && self.failures % 3 == 2 {
-            found = self.retreat(now, pose, &rules).map(|points| (0, points));
-            self.retreats = found.is_some();
+            found = self.retreat(self.trail.iter(), now, pose);
         }
+        self.retreat_m = None;
         self.doing = Doing::Planning { ready: now + self.settings.path_time, found };
     }
 
-    /// Searches a path back to where the vehicle came from, as far back as can be: things look different from there.
-    fn retreat(&self, now: Time, pose: Pose, rules: &Rules) -> Option<Vec<Point>> {
-        let far = |place: &&Point| place.distance_to(pose.at) >= RETREAT_M;
-        self.trail.iter().filter(far).find_map(|place| self.path(now, pose, *place, true, rules))
+    /// Searches a path to the first corner ahead that can be reached; with it, how many corners it replaces.
+    fn detour(&self, now: Time, pose: Pose) -> Option<(usize, Vec<Point>)> {
+        self.way.ahead().enumerate().find_map(|(index, corner)| {
+            let points = self.path(now, pose, corner.at, !self.looked)?;
+            Some((index + 1, points))
+        })
+    }
+
+    /// Searches a path to the first of the places from where the vehicle came that is some way back: things look
+    /// different from there.
+    fn retreat<'a>(
+        &self,
+        mut places: impl Iterator<Item = &'a Point>,
+        now: Time,
+        pose: Pose,
+    ) -> Option<(usize, Vec<Point>)> {
+        places.find_map(|place| {
+            let far = place.distance_to(pose.at) >= RETREAT_M;
+            far.then(|| self.path(now, pose, *place, true)).flatten().map(|points| (0, points))
+        })
+    }
+
+    /// Tells whether what made the reflex halt is so near that one must first back off from it.
+    fn is_hemmed_in(&self, now: Time, pose: Pose) -> bool {
+        let near_m = 2.0 * self.settings.lattice.cell_m();
+        let is_near = |bump: &Bump| bump.at.distance_to(pose.at) < bump.keep_m + near_m;
+        self.bumps.iter().any(|bump| bump.until > now && is_near(bump))
     }
 
     /// Tells whether the way back out of a dead end has been driven.
-    fn has_retreated(&self) -> bool {
-        self.retreats && self.way.ahead().next().is_some_and(|corner| !corner.stops.is_empty())
+    fn has_retreated(&self, release: &Release) -> bool {
+        self.retreat_m.is_some_and(|end_m| self.way.along_m(end_m) - release.here_m < GO_M)
     }
 
     fn remember(&mut self, place: Point) {
@@ -440,23 +467,16 @@ impl Pilot {
 
     /// Tells whether a place could be reached, as far as is known; unknown cells count as free.
     pub fn can_reach(&self, now: Time, state: &State, place: Point) -> bool {
-        let rules = Rules { escape_m: ESCAPE_M, ..Rules::default() };
-        self.path(now, Pose::from(state.pose), place, true, &rules).is_some()
+        self.path(now, Pose::from(state.pose), place, true).is_some()
     }
 
-    fn path(
-        &self,
-        now: Time,
-        pose: Pose,
-        goal: Point,
-        unknown_allowed: bool,
-        rules: &Rules,
-    ) -> Option<Vec<Point>> {
+    fn path(&self, now: Time, pose: Pose, goal: Point, unknown_allowed: bool) -> Option<Vec<Point>> {
+        let rules = Rules { escape_m: ESCAPE_M, ..Rules::default() };
         let area = CellRect::around(self.settings.lattice, &[pose.at, goal], SEARCH_MARGIN_M)?;
         let view = self.map.view(self.settings.slice, area);
         let mut grid = Grid::of_map(&view, area, self.half_width_m(pose), unknown_allowed).ok()?;
         self.close(&mut grid, now, pose, goal);
-        shortest_route(&grid, pose.at, goal, rules).ok().map(|route| route.points)
+        shortest_route(&grid, pose.at, goal, &rules).ok().map(|route| route.points)
     }
 
     /// Closes what the map does not know: the fence, peers that stand, and what made the reflex halt. Where the
@@ -492,9 +512,10 @@ impl Pilot {
             self.failures += 1;
         }
         self.path_is_fresh = true;
-        let length_m = points.windows(2).map(|pair| Segment::new(pair[0], pair[1]).length_m()).sum();
+        let length_m: f64 = points.windows(2).map(|pair| Segment::new(pair[0], pair[1]).length_m()).sum();
         met.push(Met::Path(length_m));
         self.way.replace(pose.at, count, &points[1..]);
+        self.retreat_m = (count == 0).then(|| self.way.odometer_m(length_m));
         self.commanded_m = None;
         self.doing = Doing::Driving;
         None

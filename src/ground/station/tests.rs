@@ -1,0 +1,141 @@
+//! How the station brings a wish to its end, and what it does when nobody gets on.
+
+use tomoswarm_proto::{Boot, Mode, Plan, Position, Progress, Revision, State, Stop};
+
+use super::*;
+
+const RUN: RunId = RunId(2);
+const ONE: VehicleId = VehicleId(1);
+
+fn station() -> Station {
+    Station::new(StationSettings {
+        vehicles: vec![ONE],
+        lease: Lease { number: 1, holder: 1 },
+        store: 7,
+        lattice: Lattice::new(0.2),
+        bin_m: 0.5,
+        spot_m: 0.06,
+    })
+}
+
+fn told(station: &mut Station, time_s: f64, input: In) -> Vec<Out> {
+    let mut out = Vec::new();
+    station.handle(Time::from_secs_f64(time_s), input, &mut out).unwrap();
+    out
+}
+
+fn state() -> In {
+    In::Bus(Message::State(State {
+        vehicle: ONE,
+        boot: Boot(1),
+        sequence: 1,
+        pose: Default::default(),
+        speed_mps: 0.0,
+        mode: Mode::Idle,
+        battery: 1.0,
+        leg: None,
+        accepted: Default::default(),
+        ordered: Default::default(),
+    }))
+}
+
+fn progress(revision: u32, done: Option<u32>) -> In {
+    let (revision, done) = (Revision(revision), done.map(StopId));
+    In::Bus(Message::Progress(Progress { vehicle: ONE, run: RUN, revision, done, leg: None }))
+}
+
+/// Plans of two stops for every request, as the planner would make them.
+fn answer() -> In {
+    let stop = |id| Stop {
+        id: StopId(id),
+        at: Position::default(),
+        route: vec![],
+        dwell_ms: 0,
+        dwell_limit_ms: 0,
+        partners: vec![],
+        after: vec![],
+    };
+    let stops = vec![stop(1), stop(2)];
+    let (members, start) = (vec![ONE], Position::default());
+    let plan = Plan { vehicle: ONE, run: RUN, revision: Revision(0), members, start, stops };
+    In::Planned(Answer { run: RUN, plans: Ok(vec![plan]), laps: vec![vec![(ONE, StopId(2))]] })
+}
+
+/// Ticks until something is noted; when, and what.
+fn next_note(station: &mut Station, within_s: f64) -> Option<Note> {
+    let mut out = Vec::new();
+    let until = station.deadline()?.at + Duration::from_secs_f64(within_s);
+    while let Some(deadline) = station.deadline().filter(|deadline| deadline.at < until) {
+        station.wake(deadline.at, &mut out).unwrap();
+        let note = out.drain(..).find_map(|out| match out {
+            Out::Note(note) => Some(note),
+            Out::Publish(_) | Out::Ask(_) | Out::Reconstruct(_) => None,
+        });
+        if note.is_some() {
+            return note;
+        }
+    }
+    None
+}
+
+/// A station whose vehicle follows a plan of two stops.
+fn running() -> Station {
+    let mut station = station();
+    told(&mut station, 0.1, In::Wish(Wish::Sweep { run: RUN, empty: None }));
+    begin(&mut station, 1);
+    station
+}
+
+/// Lets the vehicle stop under an empty revision, and begin the next.
+fn begin(station: &mut Station, empty: u32) {
+    let now_s = station.deadline().map_or(0.0, |deadline| deadline.at.as_secs_f64());
+    told(station, now_s, state());
+    let mut out = Vec::new();
+    station.wake(Time::from_secs_f64(now_s), &mut out).unwrap();
+    told(station, now_s, progress(empty, None));
+    station.wake(Time::from_secs_f64(now_s + 1.0), &mut out).unwrap();
+    assert!(out.iter().any(|out| matches!(out, Out::Ask(_))), "{out:?}");
+    told(station, now_s + 1.5, answer());
+    told(station, now_s + 1.6, progress(empty + 1, None));
+}
+
+#[test]
+fn a_wish_waits_for_everybody_and_begins_with_a_stop() {
+    let mut station = station();
+    assert!(told(&mut station, 0.1, In::Wish(Wish::Sweep { run: RUN, empty: None })).is_empty());
+    told(&mut station, 0.2, state());
+    let mut out = Vec::new();
+    station.wake(Time::from_secs_f64(1.0), &mut out).unwrap();
+    let empty = |out: &Out| matches!(out, Out::Publish(Message::Plan(plan)) if plan.stops.is_empty());
+    assert!(out.iter().any(empty));
+    assert!(out.iter().any(|out| matches!(out, Out::Publish(Message::Order(_)))));
+    assert!(!out.iter().any(|out| matches!(out, Out::Ask(_))), "nobody has stopped yet");
+}
+
+#[test]
+fn a_lap_is_done_when_all_have_done_its_last_stop_and_then_the_run_is_closed() {
+    let mut station = running();
+    told(&mut station, 10.0, progress(2, Some(1)));
+    assert_eq!(next_note(&mut station, 60.0), None);
+    told(&mut station, 70.0, progress(2, Some(2)));
+    assert!(matches!(next_note(&mut station, 60.0), Some(Note::LapDone { laps: 1, .. })));
+    assert!(matches!(next_note(&mut station, 60.0), Some(Note::RunClosed { .. })));
+}
+
+#[test]
+fn when_nobody_gets_on_plans_are_made_anew_once_and_then_it_is_said() {
+    let mut station = running();
+    assert_eq!(next_note(&mut station, 1000.0), Some(Note::Replans(RUN)));
+    begin(&mut station, 3);
+    assert_eq!(next_note(&mut station, 1000.0), Some(Note::Stalled(RUN)));
+}
+
+#[test]
+fn who_does_not_follow_its_plan_is_planned_for_anew() {
+    let mut station = station();
+    told(&mut station, 0.1, In::Wish(Wish::Sweep { run: RUN, empty: None }));
+    begin(&mut station, 1);
+    let mut silent = station;
+    silent.succession.as_mut().unwrap().stop();
+    assert_eq!(next_note(&mut silent, 60.0), Some(Note::Replans(RUN)));
+}

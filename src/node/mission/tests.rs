@@ -1,0 +1,140 @@
+//! What the mission actor does with plans, orders and what is in its way; its map is known free around the datum.
+
+use tomoswarm_proto::{Lease, Position, TILE_CELLS, TileAddress};
+
+use super::super::tests_support::{settings, state};
+use super::*;
+
+const RUN: RunId = RunId(1);
+
+fn at(time_s: f64) -> Time {
+    Time::from_secs_f64(time_s)
+}
+
+fn told(mission: &mut Mission, time_s: f64, input: In) -> Vec<Out> {
+    let mut out = Vec::new();
+    mission.handle(at(time_s), input, &mut out).unwrap();
+    out
+}
+
+/// Tiles that are free for 6 m around the datum, but for what lies in `wall` (x from, x to, metres).
+fn tiles(wall: Option<(f64, f64)>) -> In {
+    let cell = |x: i32, index: usize| {
+        let middle_m = (f64::from(x * 32 + (index % 32) as i32) + 0.5) * 0.2;
+        if wall.is_some_and(|(from, to)| (from..to).contains(&middle_m)) { 17 } else { -17 }
+    };
+    let tile = |x: i32, y: i32| TileReport {
+        layer: Default::default(),
+        address: TileAddress { slice: 0, x, y },
+        revision: 1,
+        cells: (0..TILE_CELLS).map(|index| cell(x, index)).collect(),
+    };
+    In::Tiles((-1..1).flat_map(|x| (-1..1).map(move |y| tile(x, y))).collect())
+}
+
+fn plan(revision: u32, stops: &[(f64, f64)]) -> In {
+    let stop = |(index, (x_m, y_m)): (usize, &(f64, f64))| Stop {
+        id: StopId(index as u32 + 1),
+        at: Position { x_m: *x_m, y_m: *y_m },
+        route: vec![],
+        dwell_ms: 0,
+        dwell_limit_ms: 0,
+        partners: vec![],
+        after: vec![],
+    };
+    let (vehicle, members) = (VehicleId(1), vec![VehicleId(1)]);
+    let stops = stops.iter().enumerate().map(stop).collect();
+    let revision = Revision(revision);
+    In::Plan(Plan { vehicle, run: RUN, revision, members, start: Position::default(), stops })
+}
+
+fn order(kind: OrderKind) -> In {
+    let (vehicle, lease) = (VehicleId(1), Lease::default());
+    In::Order(Order { vehicle, lease, run: RUN, revision: Revision(1), seen_state: 1, kind })
+}
+
+/// A mission at the datum that has adopted a plan to (2, 0) and (2, 2), and not been started.
+fn planned(wall: Option<(f64, f64)>) -> Mission {
+    let mut mission = Mission::new(settings(1));
+    told(&mut mission, 1.0, In::State(state(1, 0.0, 0.0)));
+    told(&mut mission, 1.0, tiles(wall));
+    told(&mut mission, 1.0, plan(1, &[]));
+    let out = told(&mut mission, 1.0, plan(2, &[(2.0, 0.0), (2.0, 2.0)]));
+    assert!(out.contains(&Out::Accepted(RUN, Revision(2))), "{out:?}");
+    mission
+}
+
+fn driven(out: &[Out]) -> Option<Vec<Point>> {
+    out.iter().find_map(|out| match out {
+        Out::Command(Command::Drive { route, .. }) => Some(route.clone()),
+        Out::Command(_) | Out::Accepted(..) | Out::Progress(_) | Out::Measure(_) | Out::Remark(_) => None,
+    })
+}
+
+/// Repeats a state until the mission says something that counts, or a minute is over.
+fn until(mission: &mut Mission, from_s: f64, x_m: f64, counts: impl Fn(&Out) -> bool) -> Option<f64> {
+    (1..600).map(|tenth| from_s + 0.1 * f64::from(tenth)).find(|now_s| {
+        let mut out = Vec::new();
+        if mission.deadline().is_some_and(|deadline| deadline.at <= at(*now_s)) {
+            mission.wake(at(*now_s), &mut out).unwrap();
+        }
+        out.extend(told(mission, *now_s, In::State(state(1, x_m, 0.0))));
+        out.iter().any(&counts)
+    })
+}
+
+#[test]
+fn nothing_is_driven_or_measured_before_a_start() {
+    let mut mission = planned(None);
+    assert_eq!(until(&mut mission, 1.0, 0.0, |out| matches!(out, Out::Command(_) | Out::Measure(_))), None);
+    let out = told(&mut mission, 70.0, order(OrderKind::Start));
+    assert!(out.contains(&Out::Measure(Some(RUN))));
+    assert_eq!(driven(&out).unwrap().last(), Some(&Point::new(2.0, 2.0)), "the first stop is driven through");
+}
+
+#[test]
+fn a_hold_stops_and_a_start_goes_on() {
+    let mut mission = planned(None);
+    assert!(driven(&told(&mut mission, 2.0, order(OrderKind::Start))).is_some());
+    let out = told(&mut mission, 3.0, order(OrderKind::Hold));
+    assert!(out.contains(&Out::Command(Command::Hold)) && out.contains(&Out::Measure(None)));
+    assert_eq!(until(&mut mission, 3.0, 1.0, |out| matches!(out, Out::Command(_))), None);
+    told(&mut mission, 70.0, order(OrderKind::Start));
+    assert!(
+        until(&mut mission, 70.0, 1.0, |out| matches!(out, Out::Command(Command::Drive { .. }))).is_some()
+    );
+}
+
+#[test]
+fn a_held_vehicle_takes_a_new_revision_from_where_it_stands() {
+    let mut mission = planned(None);
+    told(&mut mission, 2.0, order(OrderKind::Start));
+    told(&mut mission, 3.0, In::State(state(1, 1.0, 0.0)));
+    assert!(!told(&mut mission, 3.0, plan(3, &[])).contains(&Out::Accepted(RUN, Revision(3))), "on a leg");
+    told(&mut mission, 4.0, order(OrderKind::Hold));
+    let adopts = |out: &Out| *out == Out::Accepted(RUN, Revision(3));
+    assert!(until(&mut mission, 4.0, 1.0, adopts).is_some() || mission.said.revision == Revision(3));
+}
+
+#[test]
+fn a_blocked_route_is_planned_anew_and_a_closed_one_is_said() {
+    // A wall through the whole known world, and beyond it nothing is known: searched, looked at, and said.
+    let mut mission = planned(Some((1.4, 1.8)));
+    told(&mut mission, 2.0, order(OrderKind::Start));
+    let looks = until(&mut mission, 2.0, 0.6, |out| matches!(out, Out::Remark(Remark::Blocked(_))));
+    assert!(looks.is_some(), "the wall is met");
+    assert_eq!(mission.said.done, None, "nothing is done by that");
+}
+
+#[test]
+fn the_way_home_waits_until_lower_ids_are_quiet() {
+    let mut mission = Mission::new(settings(2));
+    told(&mut mission, 1.0, In::State(state(2, 2.0, 0.0)));
+    told(&mut mission, 1.0, tiles(None));
+    told(&mut mission, 1.0, In::Peer(State { mode: Mode::Driving, ..state(1, 5.0, 5.0) }));
+    told(&mut mission, 2.0, order(OrderKind::Return));
+    let drives = |out: &Out| matches!(out, Out::Command(Command::Drive { .. }));
+    assert_eq!(until(&mut mission, 2.0, 2.0, drives), None);
+    told(&mut mission, 70.0, In::Peer(state(1, 5.0, 5.0)));
+    assert!(until(&mut mission, 70.0, 2.0, drives).is_some());
+}

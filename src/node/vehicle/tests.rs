@@ -1,0 +1,190 @@
+//! What the vehicle actor refuses, obeys and reports.
+
+use super::super::tests_support::{settings, state};
+use super::*;
+use crate::geom::Angle;
+
+const LEASE: Lease = Lease { number: 3, holder: 50 };
+
+fn telemetry(x_m: f64, speed_mps: f64, sd_m: f64) -> In {
+    let pose = Pose { at: Point::new(x_m, 0.0), heading: Angle::default(), sd_m };
+    let motion = if speed_mps > 0.0 { Motion::Driving } else { Motion::Resting };
+    In::Telemetry(Telemetry { pose, speed_mps, battery: 1.0, motion })
+}
+
+fn at(time_s: f64) -> Time {
+    Time::from_secs_f64(time_s)
+}
+
+/// A vehicle at rest at the datum that has heard its autopilot once, at 1 s.
+fn vehicle() -> Vehicle {
+    let mut vehicle = Vehicle::new(settings(1));
+    told(&mut vehicle, 1.0, telemetry(0.0, 0.0, 0.05));
+    vehicle
+}
+
+fn told(vehicle: &mut Vehicle, time_s: f64, input: In) -> Vec<Out> {
+    let mut out = Vec::new();
+    vehicle.handle(at(time_s), input, &mut out).unwrap();
+    out
+}
+
+fn drive(corners: &[(f64, f64)]) -> In {
+    let route = corners.iter().map(|(x_m, y_m)| Point::new(*x_m, *y_m)).collect();
+    In::Command(Command::Drive { stop: None, route })
+}
+
+fn order(kind: OrderKind, lease: Lease, revision: u32, seen_state: u64) -> Order {
+    Order { vehicle: VehicleId(1), lease, run: RunId(1), revision: Revision(revision), seen_state, kind }
+}
+
+fn scan(range_m: f64, beam_deg: f64) -> In {
+    let pose = Pose { at: Point::new(0.0, 0.0), heading: Angle::default(), sd_m: 0.05 };
+    In::Scan(Scan { pose, beam: Angle::from_degrees(beam_deg), range_m: Some(range_m), suspect: false })
+}
+
+fn refusal(out: &[Out]) -> Option<Refusal> {
+    out.iter().find_map(|out| match out {
+        Out::Remark(Remark::Refused(refusal)) => Some(*refusal),
+        Out::Remark(_) | Out::Fly(_) | Out::State(_) | Out::Publish(_) | Out::Order(_) => None,
+    })
+}
+
+fn flies(out: &[Out]) -> bool {
+    out.iter().any(|out| matches!(out, Out::Fly(Fly::Drive { .. } | Fly::Turn(_))))
+}
+
+fn stops(out: &[Out]) -> bool {
+    out.iter().any(|out| matches!(out, Out::Fly(Fly::Stop)))
+}
+
+fn obeyed(out: &[Out]) -> bool {
+    out.iter().any(|out| matches!(out, Out::Order(_)))
+}
+
+#[test]
+fn a_route_out_of_the_envelope_is_refused() {
+    let check = |corners: &[(f64, f64)], expected: Option<Refusal>| {
+        let mut vehicle = vehicle();
+        told(&mut vehicle, 1.0, In::Peer(state(2, 4.0, 0.0)));
+        let out = told(&mut vehicle, 1.1, drive(corners));
+        assert_eq!(refusal(&out), expected, "{corners:?}");
+        assert_eq!(flies(&out), expected.is_none(), "{corners:?}");
+    };
+    check(&[(0.0, 0.0), (0.0, 5.0)], None);
+    check(&[(0.0, 0.0), (0.0, 24.8)], Some(Refusal::Fence));
+    check(&[(0.0, 0.0), (0.0, 30.0), (0.0, 5.0)], Some(Refusal::Fence));
+    check(&[(3.0, 0.0), (0.0, 5.0)], Some(Refusal::NotHere));
+    check(&[(0.0, 0.0), (2.9, 0.0)], None);
+    check(&[(0.0, 0.0), (3.2, 0.0)], Some(Refusal::Separation(VehicleId(2))));
+}
+
+#[test]
+fn a_peers_route_is_kept_clear_of_and_only_left() {
+    let mut peer = state(2, 5.0, 5.0);
+    peer.leg = Some(LegReport { route: vec![Point::new(0.5, 5.0).into(), Point::new(0.5, 0.5).into()] });
+    let mut vehicle = vehicle();
+    told(&mut vehicle, 1.0, In::Peer(peer));
+    let across = told(&mut vehicle, 1.1, drive(&[(0.0, 0.0), (2.0, 2.0)]));
+    assert_eq!(refusal(&across), Some(Refusal::Separation(VehicleId(2))));
+    assert!(flies(&told(&mut vehicle, 1.1, drive(&[(0.0, 0.0), (-2.0, -2.0)]))));
+}
+
+#[test]
+fn who_does_not_know_where_it_is_does_not_drive() {
+    let mut silent = Vehicle::new(settings(1));
+    let out = told(&mut silent, 1.0, drive(&[(0.0, 0.0), (1.0, 0.0)]));
+    assert_eq!(refusal(&out), Some(Refusal::NoPose));
+    let mut vehicle = vehicle();
+    let out = told(&mut vehicle, 4.0, drive(&[(0.0, 0.0), (1.0, 0.0)]));
+    assert_eq!(refusal(&out), Some(Refusal::NoPose), "three seconds old");
+    told(&mut vehicle, 5.0, telemetry(0.0, 0.0, 0.6));
+    for command in [drive(&[(0.0, 0.0), (1.0, 0.0)]), In::Command(Command::Turn(Angle::default()))] {
+        assert_eq!(refusal(&told(&mut vehicle, 5.0, command)), Some(Refusal::PoseUncertain));
+    }
+    assert!(stops(&told(&mut vehicle, 5.0, In::Command(Command::Hold))), "holding is always allowed");
+}
+
+#[test]
+fn the_reflex_halts_for_what_is_near_ahead_and_then_keeps_clear_of_it() {
+    // At 0.5 m/s: 0.075 m of reaction, 0.125 m of braking, 0.1 m of margin beyond a radius of 0.25 m.
+    for (range_m, beam_deg, halts) in [(0.50, 0.0, true), (0.60, 0.0, false), (0.50, 80.0, false)] {
+        let mut vehicle = vehicle();
+        told(&mut vehicle, 1.1, drive(&[(0.0, 0.0), (3.0, 0.0)]));
+        told(&mut vehicle, 1.2, telemetry(0.0, 0.5, 0.05));
+        let out = told(&mut vehicle, 1.2, scan(range_m, beam_deg));
+        assert_eq!(stops(&out), halts, "{range_m} m at {beam_deg}°");
+        told(&mut vehicle, 2.0, telemetry(0.0, 0.0, 0.05));
+        let again = told(&mut vehicle, 2.0, drive(&[(0.0, 0.0), (3.0, 0.0)]));
+        assert_eq!(refusal(&again), halts.then_some(Refusal::Bump));
+        assert!(flies(&told(&mut vehicle, 2.0, drive(&[(0.0, 0.0), (-3.0, 0.0)]))), "away from it");
+        told(&mut vehicle, 70.0, telemetry(0.0, 0.0, 0.05));
+        assert!(flies(&told(&mut vehicle, 70.0, drive(&[(0.0, 0.0), (3.0, 0.0)]))), "forgotten by then");
+    }
+}
+
+#[test]
+fn a_silent_autopilot_is_reported_once() {
+    let mut vehicle = vehicle();
+    let deadline = vehicle.deadline().unwrap();
+    assert_eq!((deadline.at, deadline.why), (at(3.0), "telemetry silent"));
+    let mut out = Vec::new();
+    vehicle.wake(at(3.0), &mut out).unwrap();
+    assert_eq!(out, [Out::Remark(Remark::AutopilotSilent)]);
+    assert_eq!(vehicle.deadline(), None);
+    told(&mut vehicle, 9.0, telemetry(0.0, 0.0, 0.05));
+    assert!(vehicle.deadline().is_some(), "it is heard again");
+}
+
+#[test]
+fn an_emergency_stands_until_a_start() {
+    let mut vehicle = vehicle();
+    let out = told(&mut vehicle, 1.1, In::Order(order(OrderKind::Emergency, LEASE, 1, 0)));
+    assert!(stops(&out) && obeyed(&out));
+    let drives = || drive(&[(0.0, 0.0), (1.0, 0.0)]);
+    assert_eq!(refusal(&told(&mut vehicle, 1.2, drives())), Some(Refusal::Emergency));
+    assert!(obeyed(&told(&mut vehicle, 1.3, In::Order(order(OrderKind::Start, LEASE, 2, 1)))));
+    assert!(flies(&told(&mut vehicle, 1.4, drives())));
+}
+
+#[test]
+fn higher_leases_and_revisions_win_and_old_orders_are_not_obeyed() {
+    let check = |lease, revision, expected: bool| {
+        let mut vehicle = vehicle();
+        assert!(obeyed(&told(&mut vehicle, 1.0, In::Order(order(OrderKind::Hold, LEASE, 5, 1)))));
+        let out = told(&mut vehicle, 1.1, In::Order(order(OrderKind::Start, lease, revision, 1)));
+        assert_eq!(obeyed(&out), expected, "{lease:?} {revision}");
+    };
+    check(LEASE, 6, true);
+    check(LEASE, 5, false);
+    check(LEASE, 4, false);
+    check(Lease { number: 4, holder: 99 }, 1, true);
+    check(Lease { number: 2, holder: 1 }, 9, false);
+    check(Lease { number: 3, holder: 49 }, 1, true);
+    check(Lease { number: 3, holder: 51 }, 9, false);
+}
+
+#[test]
+fn a_start_that_answers_an_old_state_is_too_late_but_a_hold_never_is() {
+    let mut vehicle = vehicle();
+    told(&mut vehicle, 30.0, telemetry(0.0, 0.0, 0.05));
+    for kind in [OrderKind::Start, OrderKind::Return] {
+        assert!(!obeyed(&told(&mut vehicle, 30.0, In::Order(order(kind, LEASE, 1, 1)))), "29 s old");
+        assert!(!obeyed(&told(&mut vehicle, 30.0, In::Order(order(kind, LEASE, 1, 77)))), "never made");
+    }
+    assert!(obeyed(&told(&mut vehicle, 30.0, In::Order(order(OrderKind::Hold, LEASE, 1, 1)))));
+    assert!(obeyed(&told(&mut vehicle, 30.0, In::Order(order(OrderKind::Start, LEASE, 2, 2)))));
+}
+
+#[test]
+fn unread_orders_join_to_the_stronger_and_the_newer_revision() {
+    let check =
+        |unread: Order, newer: Order, expected: Order| assert_eq!(join_orders(unread, newer), expected);
+    let of = |kind, revision| order(kind, LEASE, revision, 1);
+    check(of(OrderKind::Hold, 1), of(OrderKind::Start, 2), of(OrderKind::Hold, 2));
+    check(of(OrderKind::Start, 2), of(OrderKind::Emergency, 1), of(OrderKind::Emergency, 2));
+    check(of(OrderKind::Return, 3), of(OrderKind::Land, 4), of(OrderKind::Land, 4));
+    let taken_over = order(OrderKind::Start, Lease { number: 4, holder: 9 }, 1, 1);
+    check(of(OrderKind::Emergency, 1), taken_over, taken_over);
+    check(taken_over, of(OrderKind::Emergency, 1), taken_over);
+}

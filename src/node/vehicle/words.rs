@@ -1,0 +1,115 @@
+//! What the vehicle actor hears of its autopilot and its mission, and what it answers: words only, no decisions.
+
+use tomoswarm_proto::{StopId, VehicleId};
+
+use crate::geom::{Angle, Point, Pose, Segment};
+use crate::time::Time;
+
+/// What the autopilot driver reports.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub struct Telemetry {
+    /// Where the autopilot believes to be.
+    pub pose: Pose,
+    /// Speed over ground, m/s.
+    pub speed_mps: f64,
+    /// Charge left, 0 to 1.
+    pub battery: f64,
+    /// Whether and how the body moves.
+    pub motion: Motion,
+}
+
+/// Whether and how a body moves.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub enum Motion {
+    /// Standing.
+    Resting,
+    /// Turning on the spot.
+    Turning,
+    /// Driving.
+    Driving,
+}
+
+/// What the mission wants done.
+#[derive(Clone, PartialEq, Debug)]
+pub enum Command {
+    /// Drive along a route to its end; a later one replaces it at once.
+    Drive {
+        /// The stop that the route leads to, for the log.
+        stop: Option<StopId>,
+        /// Corners, the first near the present place.
+        route: Vec<Point>,
+    },
+    /// Turn on the spot.
+    Turn(Angle),
+    /// Stand still.
+    Hold,
+}
+
+/// What the autopilot shall do.
+#[derive(Clone, PartialEq, Debug)]
+pub enum Fly {
+    /// Drive through the corners and stop at the last.
+    Drive {
+        /// Corners, without the present place.
+        corners: Vec<Point>,
+        /// Speed limit, m/s.
+        speed_mps: f64,
+    },
+    /// Turn on the spot.
+    Turn(Angle),
+    /// Brake and stand.
+    Stop,
+}
+
+/// What the envelope or the reflex decided.
+#[derive(Clone, PartialEq, Debug)]
+pub enum Remark {
+    /// The reflex stopped the vehicle: something is this near ahead, metres.
+    Halted {
+        /// Distance from the body to the object, metres.
+        ahead_m: f64,
+        /// What is kept clear of for a while.
+        bump: Bump,
+    },
+    /// A command was not obeyed.
+    Refused(Refusal),
+    /// The autopilot says nothing any more.
+    AutopilotSilent,
+}
+
+/// Something that made the reflex halt: an echo from somewhere in the beam's cone.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub struct Bump {
+    /// Where the echo came from, on the beam's axis.
+    pub at: Point,
+    /// How near the vehicle's middle may come, metres.
+    pub keep_m: f64,
+    /// Until when it is believed to be there.
+    pub until: Time,
+}
+
+impl Bump {
+    /// Tells whether a way keeps clear, or at least never comes nearer than `here_m`, metres.
+    pub fn is_passed_by(&self, way: Segment, here_m: f64) -> bool {
+        way.distance_to_point(self.at) >= self.keep_m.min(here_m) - 1e-3
+    }
+}
+
+/// Why a command was not obeyed.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub enum Refusal {
+    /// No telemetry yet, or too old.
+    NoPose,
+    /// The pose deviation is too large.
+    PoseUncertain,
+    /// The route does not begin where the vehicle is.
+    NotHere,
+    /// The route leaves the fence.
+    Fence,
+    /// The route comes too near to another vehicle or its route.
+    Separation(VehicleId),
+    /// The route leads to what made the reflex halt.
+    Bump,
+    /// An emergency order stands.
+    Emergency,
+}

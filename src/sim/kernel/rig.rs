@@ -1,0 +1,317 @@
+//! One vehicle in the simulated world, without bus and ground, for tests that look at every moment: what it was
+//! commanded, what it knew then, and where it truly is.
+
+use std::time::Duration;
+
+use tomoswarm_proto::{
+    Boot, Lease, Message, Order, OrderKind, Plan, Position, Revision, RunId, Stop, StopId, VehicleId,
+};
+
+use super::super::body::Limits;
+use super::super::noise::Noise;
+use super::super::radio_field::{RadioConstants, RadioField};
+use super::super::range::{RangeModel, RangeSensor};
+use super::super::world::{Build, Stage, Touch, World};
+use crate::geom::{Angle, Cell, Lattice, Point, Rect};
+use crate::map::{Merged, Occupancy};
+use crate::node::route::Note;
+use crate::node::sensor::Echo;
+use crate::node::vehicle::{Fly, Remark};
+use crate::node::{
+    BodySettings, Effect, Event, LookSettings, RadioSettings, SafetySettings, Settings, VehicleNode,
+};
+use crate::scene::{Attenuation, Scene, SceneParts, Up, read_vrml};
+use crate::time::Time;
+
+const RADIUS_M: f64 = 0.25;
+const STEP: Duration = Duration::from_millis(10);
+
+/// Boxes by middle and size, 1 m high.
+fn stage(blocks: &[(f64, f64, f64, f64)]) -> Stage {
+    let shape = |(x, y, width, depth): &(f64, f64, f64, f64)| {
+        let shape = format!("Shape {{ geometry Box {{ size {width} {depth} 1 }} }}");
+        format!("Transform {{ translation {x} {y} 0.5 children {shape} }}\n")
+    };
+    let text = blocks.iter().fold("#VRML V2.0 utf8\n".to_owned(), |text, block| text + &shape(block));
+    let shapes = read_vrml(&text, "rig.wrl", Up::Z, &mut |_| Err("none".to_owned())).unwrap().shapes;
+    let materials = Default::default();
+    let scene = Scene::build(&SceneParts {
+        shapes: &shapes,
+        offset_m: [0.0; 3],
+        materials: &materials,
+        default_material: Default::default(),
+        posts: &[],
+        persons: &[],
+    });
+    let scene = scene.unwrap();
+    let attenuation = Attenuation::new(&scene, 0.5, 0.125, 30.0);
+    Stage { scene, attenuation }
+}
+
+fn settings() -> Settings {
+    let degrees = [0.0, 25.0, -25.0, 50.0, -50.0];
+    Settings {
+        vehicle: VehicleId(1),
+        boot: Boot(1),
+        fence: Rect::new(Point::new(-4.0, -6.0), Point::new(14.0, 6.0)).polygon(),
+        home: Point::new(0.0, 0.0),
+        lattice: Lattice::new(0.2),
+        slice: 0,
+        body: BodySettings { radius_m: RADIUS_M, speed_mps: 0.5, braking_mps2: 1.0 },
+        look: LookSettings {
+            beams: degrees.map(Angle::from_degrees).to_vec(),
+            half_angle: Angle::from_degrees(15.0),
+            min_range_m: 0.02,
+            max_range_m: 4.0,
+            sure_range_m: 3.0,
+            period: Duration::from_millis(100),
+            settle: Duration::from_millis(30),
+        },
+        radio: RadioSettings { channel: 15, power_dbm: 0, slot: Duration::from_millis(50) },
+        safety: SafetySettings { padding_m: 0.1, separation_m: 1.0, pose_sd_max_m: 0.5 },
+        path_time: Duration::from_millis(50),
+    }
+}
+
+struct Rig {
+    now: Time,
+    world: World,
+    node: VehicleNode,
+    beam: Angle,
+    echoes: Vec<(Time, Echo)>,
+    touches: Vec<Touch>,
+    /// What the vehicle knew when it was last commanded to drive.
+    known: Merged,
+    drives: usize,
+    notes: Vec<Note>,
+}
+
+impl Rig {
+    /// A vehicle at the origin that faces along x, with boxes around it.
+    fn new(blocks: &[(f64, f64, f64, f64)], seed: u64, pose_sd_m: f64) -> Rig {
+        let build = Build {
+            radius_m: RADIUS_M,
+            height_m: 0.3,
+            sensor_m: 0.3,
+            limits: Limits {
+                speed_mps: 0.5,
+                acceleration_mps2: 0.5,
+                braking_mps2: 1.0,
+                turn_rate_radps: 1.5,
+            },
+            pose_sd_m,
+            pose_drift: Duration::from_secs(20),
+        };
+        let range = RangeModel {
+            half_angle_rad: 15f64.to_radians(),
+            incidence_max_rad: 60f64.to_radians(),
+            ..RangeModel::default()
+        };
+        let noise = Noise::new(seed);
+        let field = RadioField::new(noise, RadioConstants::default());
+        let fence = settings().fence;
+        let mut world = World::new(stage(blocks), build, fence, noise, field, RangeSensor::new(range));
+        world.place(VehicleId(1), Point::new(0.0, 0.0), Angle::default()).unwrap();
+        Rig {
+            now: Time::ZERO,
+            world,
+            node: VehicleNode::new(&settings()),
+            beam: Angle::default(),
+            echoes: Vec::new(),
+            touches: Vec::new(),
+            known: Merged::new(Lattice::new(0.2), None),
+            drives: 0,
+            notes: Vec::new(),
+        }
+    }
+
+    /// Gives the vehicle a plan of stops and lets it begin.
+    fn sweep(&mut self, stops: &[(f64, f64)]) {
+        self.run(Duration::from_millis(300));
+        for (revision, stops) in [(1, &[][..]), (2, stops)] {
+            let plan = plan(revision, stops);
+            self.tell(Event::Bus(Message::Plan(plan)));
+        }
+        let lease = Lease { number: 1, holder: 1 };
+        let (vehicle, run, revision) = (VehicleId(1), RunId(1), Revision(1));
+        let order = Order { vehicle, lease, run, revision, seen_state: 1, kind: OrderKind::Start };
+        self.tell(Event::Bus(Message::Order(order)));
+    }
+
+    fn run(&mut self, span: Duration) {
+        self.watch(span, |_| {});
+    }
+
+    /// Runs until the vehicle has come so far east, metres.
+    fn run_until_x(&mut self, x_m: f64) {
+        while self.place().x_m < x_m {
+            self.step();
+            assert!(self.now < Time::from_secs_f64(120.0), "never comes so far: {:?}", self.place());
+        }
+    }
+
+    /// Runs for a while and looks at every hundredth of a second.
+    fn watch(&mut self, span: Duration, mut look: impl FnMut(&Rig)) {
+        let until = self.now + span;
+        while self.now < until {
+            self.step();
+            look(self);
+        }
+    }
+
+    fn step(&mut self) {
+        self.now = self.now + STEP;
+        let due: Vec<Touch> = self.touches.extract_if(.., |touch| touch.at <= self.now).collect();
+        for touch in due {
+            self.world.touch(&touch);
+        }
+        if self.now.as_nanos().is_multiple_of(100_000_000) {
+            self.tell(Event::Telemetry(self.world.telemetry(0, self.now)));
+        }
+        let due: Vec<_> = self.echoes.extract_if(.., |(at, _)| *at <= self.now).collect();
+        for (_, echo) in due {
+            self.tell(Event::Echo(echo));
+        }
+        let mut effects = Vec::new();
+        self.node.wake(self.now, &mut effects).unwrap();
+        self.carry_out(effects);
+    }
+
+    fn tell(&mut self, event: Event) {
+        let mut effects = Vec::new();
+        self.node.tell(self.now, event, &mut effects).unwrap();
+        self.carry_out(effects);
+    }
+
+    fn carry_out(&mut self, effects: Vec<Effect>) {
+        for effect in effects {
+            match effect {
+                Effect::Fly(fly) => {
+                    if matches!(fly, Fly::Drive { .. }) {
+                        self.known = self.node.map().clone();
+                        self.drives += 1;
+                    }
+                    let touches = self.world.fly(0, self.now, &fly);
+                    self.touches.extend(touches);
+                }
+                Effect::Steer(beam) => self.beam = beam,
+                Effect::Ping(ping) => {
+                    let range_m = self.world.range_m(0, self.now, self.beam, ping.number);
+                    self.echoes.push((self.now + STEP, Echo { number: ping.number, range_m }));
+                }
+                Effect::Note(note) => self.notes.push(note),
+                Effect::Transmit(_) | Effect::Publish(_) => {}
+            }
+        }
+    }
+
+    fn place(&self) -> Point {
+        self.world.truth(0, self.now).at
+    }
+
+    fn halts(&self) -> usize {
+        self.notes.iter().filter(|note| matches!(note, Note::Vehicle(Remark::Halted { .. }))).count()
+    }
+
+    /// The cells under the true body, by their middles.
+    fn under(&self) -> impl Iterator<Item = Cell> {
+        let (at, lattice) = (self.place(), Lattice::new(0.2));
+        let middle = lattice.cell_at(at);
+        let around = (-2..=2).flat_map(move |x| (-2..=2).map(move |y| Cell::new(middle.x + x, middle.y + y)));
+        around.filter(move |cell| lattice.centre(*cell).distance_to(at) <= RADIUS_M)
+    }
+}
+
+fn plan(revision: u32, stops: &[(f64, f64)]) -> Plan {
+    let stop = |(index, (x_m, y_m)): (usize, &(f64, f64))| Stop {
+        id: StopId(index as u32 + 1),
+        at: Position { x_m: *x_m, y_m: *y_m },
+        route: vec![],
+        dwell_ms: 0,
+        dwell_limit_ms: 0,
+        partners: vec![],
+        after: vec![],
+    };
+    let (vehicle, run, revision) = (VehicleId(1), RunId(1), Revision(revision));
+    let stops = stops.iter().enumerate().map(stop).collect();
+    Plan { vehicle, run, revision, members: vec![vehicle], start: Position::default(), stops }
+}
+
+#[test]
+fn no_cell_is_entered_that_was_not_known_free_when_the_drive_was_commanded() {
+    for seed in 1..6 {
+        let mut rig = Rig::new(&[(4.0, 0.5, 0.4, 3.0), (7.0, -1.0, 0.1, 0.1)], seed, 0.05);
+        rig.sweep(&[(3.0, 0.0), (6.0, 0.0), (9.0, 0.0), (9.0, 3.0)]);
+        let start: Vec<Cell> = rig.under().collect();
+        rig.watch(Duration::from_secs(240), |rig| {
+            let unknown =
+                |cell: &Cell| rig.known.occupancy(0, *cell) != Occupancy::Free && !start.contains(cell);
+            let entered = rig.under().find(unknown);
+            assert_eq!(entered, None, "seed {seed}: at {:?}, {}", rig.place(), rig.now);
+        });
+        assert!(
+            rig.place().distance_to(Point::new(9.0, 3.0)) < 0.7,
+            "seed {seed}: ends at {:?}",
+            rig.place()
+        );
+        assert!(rig.world.collisions().is_empty());
+    }
+}
+
+#[test]
+fn what_appears_beyond_the_stopping_distance_is_never_touched_and_then_driven_around() {
+    // 0.5 m/s for a cycle of five looks and 0.15 s of reaction, 0.125 m of braking, 0.1 m of margin.
+    let room_m = 0.5 * 0.65 + 0.125 + 0.1;
+    for tenth in 0..12 {
+        let mut rig = Rig::new(&[], 1, 0.02);
+        rig.sweep(&[(8.0, 0.0)]);
+        rig.run_until_x(1.5);
+        rig.run(Duration::from_millis(130 * tenth));
+        let face_m = rig.place().x_m + RADIUS_M + room_m;
+        assert!((1.0..6.0).contains(&face_m), "{:?} at {}", rig.place(), rig.now);
+        rig.world.set_stage(stage(&[(face_m + 0.2, 0.0, 0.4, 1.0)]));
+        // The referee foresees contacts at commands: this one is a new scene for the motion under way.
+        rig.watch(Duration::from_secs(5), |rig| {
+            assert!(rig.place().x_m + RADIUS_M < face_m, "touched at {}", rig.now);
+        });
+        assert!(rig.halts() > 0 || rig.place().x_m < face_m - RADIUS_M);
+        rig.run(Duration::from_secs(150));
+        assert!(rig.world.collisions().is_empty());
+        assert!(
+            rig.place().distance_to(Point::new(8.0, 0.0)) < 0.5,
+            "ends at {:?}: {:#?}",
+            rig.place(),
+            rig.notes
+        );
+    }
+}
+
+#[test]
+fn when_the_obstacle_is_gone_the_way_is_driven_on() {
+    let mut rig = Rig::new(&[], 2, 0.02);
+    rig.sweep(&[(8.0, 0.0)]);
+    rig.run_until_x(1.5);
+    let face_m = rig.place().x_m + 1.0;
+    // From fence to fence: there is no way around.
+    rig.world.set_stage(stage(&[(face_m, 0.0, 0.2, 12.0)]));
+    rig.run(Duration::from_secs(40));
+    assert!(rig.place().x_m < face_m - RADIUS_M - 0.1);
+    rig.world.set_stage(stage(&[]));
+    rig.run(Duration::from_secs(200));
+    assert!(
+        rig.place().distance_to(Point::new(8.0, 0.0)) < 0.5,
+        "ends at {:?}: {:#?}",
+        rig.place(),
+        rig.notes
+    );
+}
+
+#[test]
+fn who_does_not_know_where_it_is_drives_and_maps_nothing() {
+    let mut rig = Rig::new(&[(2.0, 0.0, 0.2, 4.0)], 3, 0.6);
+    rig.sweep(&[(1.0, 0.0), (1.0, 2.0)]);
+    rig.run(Duration::from_secs(30));
+    assert_eq!(rig.drives, 0);
+    assert_eq!(rig.node.map().layers().count(), 0);
+    assert_eq!(rig.node.samples_made(RunId(1)), 0);
+}
