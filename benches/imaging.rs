@@ -3,7 +3,7 @@
 //! `cargo bench --bench imaging -- SEEDS [FIRST]`: share of seeds with both persons within 1 m, the worst seeds,
 //! and the median times of a cold and of a warm reconstruction and of binning a packet.
 
-#[path = "../tests/image_world/mod.rs"]
+#[path = "../tests/image/world/mod.rs"]
 mod image_world;
 
 use std::time::Instant;

@@ -1,8 +1,6 @@
 //! Two rovers drive laps around a yard with a wall: both persons inside are found.
 
-mod image_world;
-
-use image_world::{SIDE_M, persons, sweep, worst_error_m};
+use super::world::{SIDE_M, persons, sweep, worst_error_m};
 use tomoswarm::geom::{Point, Rect};
 use tomoswarm::tomo::{Settings, reconstruct};
 

@@ -1,0 +1,7 @@
+//! Configuration files from outside: what is bundled, what holds for all of them, and what is refused.
+
+mod config {
+    mod bundled;
+    mod laws;
+    mod problems;
+}
