@@ -10,10 +10,11 @@ use std::path::{Path, PathBuf};
 use clap::{Args, ValueEnum};
 use serde_json::{Value, json};
 
+use crate::draw::{HeatMap, Overlay, Picture};
 use crate::geom::{PixelGrid, Point, Rect};
 use crate::tomo::{
-    Image, Link, LinkBins, MOST_PIXELS, Reconstruction, SPOT_M, Settings, Solver, TomoError, WeightModel,
-    npy_bytes, reconstruct,
+    Image, Link, LinkBins, MOST_PIXELS, Peak, Reconstruction, SPOT_M, Settings, Solver, TomoError,
+    WeightModel, npy_bytes, reconstruct,
 };
 
 use super::error::CliError;
@@ -309,15 +310,17 @@ impl Outputs {
         result: &Reconstruction,
         settings: &Settings,
         unit: LengthUnit,
-    ) -> Result<(), ImageError> {
+    ) -> Result<(), CliError> {
         let fill = |file: &mut Option<PendingFile>, bytes: &dyn Fn() -> Vec<u8>| match file {
             Some(file) => file.fill(&bytes()),
             None => Ok(()),
         };
-        fill(&mut self.png, &|| picture(&result.image))?;
+        if let Some(file) = &mut self.png {
+            file.fill(&picture(result, unit)?)?;
+        }
         fill(&mut self.npy, &|| npy_bytes(&result.image))?;
         fill(&mut self.json, &|| format!("{:#}\n", report(result, settings, unit)).into_bytes())?;
-        [self.png, self.npy, self.json].into_iter().flatten().try_for_each(PendingFile::finish)
+        Ok([self.png, self.npy, self.json].into_iter().flatten().try_for_each(PendingFile::finish)?)
     }
 }
 
@@ -367,29 +370,22 @@ impl Drop for PendingFile {
     }
 }
 
-/// Gives the PNG of an image. (The one line to change when `draw` draws it with axes and a colour bar.)
-fn picture(image: &Image) -> Vec<u8> {
-    plain_png(image)
-}
-
-/// Draws grey values, north up, a block of pixels for each; white is the strongest attenuation.
-fn plain_png(image: &Image) -> Vec<u8> {
-    let (rows, columns) = (image.grid.rows, image.grid.columns);
-    let block = (400 / rows.max(columns)).max(1);
-    let (_, highest) = image.range();
-    let grey = |value: f64| (255.0 * (value / highest.max(1e-9)).clamp(0.0, 1.0)) as u8;
-    let mut pixels = Vec::with_capacity(rows * columns * block * block);
-    for y in 0..rows * block {
-        let row = rows - 1 - y / block;
-        pixels.extend((0..columns * block).map(|x| grey(image.values[image.grid.index(x / block, row)])));
-    }
-    let mut bytes = Vec::new();
-    let mut encoder = png::Encoder::new(&mut bytes, (columns * block) as u32, (rows * block) as u32);
-    encoder.set_color(png::ColorType::Grayscale);
-    encoder.set_depth(png::BitDepth::Eight);
-    let written = encoder.write_header().and_then(|mut writer| writer.write_image_data(&pixels));
-    debug_assert!(written.is_ok(), "writing to memory cannot fail");
-    bytes
+/// Gives the picture of an image, with the strongest places marked.
+fn picture(result: &Reconstruction, unit: LengthUnit) -> Result<Vec<u8>, CliError> {
+    let Image { grid, values } = &result.image;
+    let seen = if result.by_empty_sweep { "What changed since the empty sweep" } else { "What stands there" };
+    let mark =
+        |(index, peak): (usize, &Peak)| Overlay::Cross { at: peak.at, label: Some((index + 1).to_string()) };
+    let spec = HeatMap {
+        title: format!("{seen} ({} links)", result.used),
+        grid: *grid,
+        values,
+        unit: &format!("dB/{}", unit.word()),
+        length_unit: unit.word(),
+        overlays: result.peaks.iter().enumerate().map(mark).collect(),
+        range: None,
+    };
+    Picture::heat(&spec).map_err(|error| CliError::Fault(error.to_string()))
 }
 
 /// Gives the content of the JSON output.

@@ -241,7 +241,7 @@ fn drawn(result: Result<Vec<u8>, crate::draw::DrawError>) -> Result<Vec<u8>, Cli
 fn heat(title: &str, made: &Reconstruction, overlays: Vec<Overlay>) -> Result<Vec<u8>, CliError> {
     let title = format!("{title} ({} links)", made.used);
     let Image { grid, values } = &made.image;
-    let spec = HeatMap { title, grid: *grid, values, unit: "dB/m", overlays, range: None };
+    let spec = HeatMap { title, grid: *grid, values, unit: "dB/m", length_unit: "m", overlays, range: None };
     drawn(Picture::heat(&spec))
 }
 

@@ -11,7 +11,7 @@ use super::text::{LARGE, SMALL, short, width_px, write, write_upward};
 const TICK_PX: i32 = 6;
 
 /// Draws frame, ticks, names and title around the plot.
-pub(super) fn draw(picture: &mut Picture, layout: &Layout, title: &str) {
+pub(super) fn draw(picture: &mut Picture, layout: &Layout, title: &str, length_unit: &str) {
     frame(picture, layout.plot);
     let Rectangle { top_left, size } = layout.plot;
     let (left, top) = (top_left.x, top_left.y);
@@ -19,10 +19,10 @@ pub(super) fn draw(picture: &mut Picture, layout: &Layout, title: &str) {
     along_x(picture, layout, top + height);
     along_y(picture, layout, left);
     let line_px = SMALL.character_size.height as i32;
-    let name = "x (m)";
+    let name = &format!("x ({length_unit})");
     let x = left + (width - width_px(name, SMALL) as i32) / 2;
     write(picture, name, Point::new(x, top + height + TICK_PX + line_px + 6), SMALL, INK);
-    let name = "y (m)";
+    let name = &format!("y ({length_unit})");
     let y = top + (height + width_px(name, SMALL) as i32) / 2;
     let labels_px = layout.y_ticks.iter().map(|tick| width_px(&tick.label, SMALL)).max().unwrap_or(0) as i32;
     write_upward(picture, name, Point::new(left - TICK_PX - 12 - labels_px - line_px, y), SMALL, INK);

@@ -32,6 +32,8 @@ pub struct HeatMap<'a> {
     pub values: &'a [f64],
     /// The unit written at the colour bar, such as "dB/m".
     pub unit: &'a str,
+    /// The unit of the axes, such as "m".
+    pub length_unit: &'a str,
     /// What is laid over the image.
     pub overlays: Vec<Overlay>,
     /// Values at the ends of the colour bar; values beyond take the end's colour and are noted at the bar. `None`
@@ -62,7 +64,7 @@ impl Picture {
             nothing(&mut picture, &layout);
         }
         paint::overlays(&mut picture, &layout, &DARK, &map.overlays);
-        axes::draw(&mut picture, &layout, &map.title);
+        axes::draw(&mut picture, &layout, &map.title, map.length_unit);
         bar.draw(&mut picture, &colours, layout.plot);
         let legend_at = Point::new(PAD_PX as i32, layout.legend_top);
         legend.draw(&mut picture, &DARK, legend_at, layout.size.width - 2 * PAD_PX);

@@ -104,7 +104,7 @@ impl Picture {
             nothing(&mut picture, &layout);
         }
         paint::overlays(&mut picture, &layout, &LIGHT, &map.overlays);
-        axes::draw(&mut picture, &layout, &map.title);
+        axes::draw(&mut picture, &layout, &map.title, "m");
         let legend_at = Pixel::new(PAD_PX as i32, layout.legend_top);
         legend.draw(&mut picture, &LIGHT, legend_at, layout.size.width - 2 * PAD_PX);
         picture.png()

@@ -67,7 +67,15 @@ fn grid(width_m: f64, height_m: f64, columns: usize, rows: usize) -> PixelGrid {
 }
 
 fn spec(grid: PixelGrid, values: &[f64]) -> HeatMap<'_> {
-    HeatMap { title: "test".to_string(), grid, values, unit: "dB/m", overlays: Vec::new(), range: None }
+    HeatMap {
+        title: "test".to_string(),
+        grid,
+        values,
+        unit: "dB/m",
+        length_unit: "m",
+        overlays: Vec::new(),
+        range: None,
+    }
 }
 
 fn heat(map: &HeatMap) -> Seen {
