@@ -335,9 +335,8 @@ impl Kernel {
         for effect in effects.drain(..) {
             match effect {
                 node::Effect::Fly(fly) => {
-                    for touch in self.world.fly(vehicle, self.now, &fly) {
-                        self.queue.push(touch.at, Event::Touch(touch));
-                    }
+                    let touches = self.world.fly(vehicle, self.now, &fly);
+                    self.foresee(touches);
                 }
                 node::Effect::Steer(beam) => self.beams[vehicle] = beam,
                 node::Effect::Ping(_) | node::Effect::Transmit(_) if self.ended.is_some() => {}
@@ -350,6 +349,13 @@ impl Kernel {
             }
         }
         self.vehicle_effects = effects;
+    }
+
+    /// Queues contacts that will happen unless the motion changes before.
+    fn foresee(&mut self, touches: Vec<Touch>) {
+        for touch in touches {
+            self.queue.push(touch.at, Event::Touch(touch));
+        }
     }
 
     fn ping(&mut self, vehicle: usize, number: u64) {
@@ -514,7 +520,8 @@ impl Kernel {
             Step::BeginFirst => self.begin(EMPTY_RUN, None),
             Step::PeopleEnter => {
                 if let Some(stage) = self.populated.take() {
-                    self.world.set_stage(stage);
+                    let touches = self.world.set_stage(stage, self.now);
+                    self.foresee(touches);
                 }
                 self.log("scenario", format_args!("the persons enter"));
                 self.queue.push(self.now + ENTER_TAKES, Event::Script(Step::BeginMain));

@@ -128,9 +128,12 @@ impl World {
         Ok(())
     }
 
-    /// Changes what stands in the world.
-    pub fn set_stage(&mut self, stage: Stage) {
+    /// Changes what stands in the world; gives the contacts that motion under way now leads to.
+    pub fn set_stage(&mut self, stage: Stage, now: Time) -> Vec<Touch> {
         self.stage = stage;
+        // The motion stays, but contacts foreseen with the old stage are void.
+        self.rovers.iter_mut().for_each(|rover| rover.commands += 1);
+        (0..self.rovers.len()).flat_map(|vehicle| self.touches(vehicle, now)).collect()
     }
 
     /// Gives where a vehicle truly is.

@@ -87,6 +87,12 @@ struct Rig {
 }
 
 impl Rig {
+    /// Changes which boxes stand there.
+    fn set_stage(&mut self, boxes: &[(f64, f64, f64, f64)]) {
+        let touches = self.world.set_stage(stage(boxes), self.now);
+        self.touches.extend(touches);
+    }
+
     /// A vehicle at the origin that faces along x, with boxes around it.
     fn new(blocks: &[(f64, f64, f64, f64)], seed: u64, pose_sd_m: f64) -> Rig {
         let build = Build {
@@ -269,8 +275,7 @@ fn what_appears_beyond_the_stopping_distance_is_never_touched_and_then_driven_ar
         rig.run(Duration::from_millis(130 * tenth));
         let face_m = rig.place().x_m + RADIUS_M + room_m;
         assert!((1.0..6.0).contains(&face_m), "{:?} at {}", rig.place(), rig.now);
-        rig.world.set_stage(stage(&[(face_m + 0.2, 0.0, 0.4, 1.0)]));
-        // The referee foresees contacts at commands: this one is a new scene for the motion under way.
+        rig.set_stage(&[(face_m + 0.2, 0.0, 0.4, 1.0)]);
         rig.watch(Duration::from_secs(5), |rig| {
             assert!(rig.place().x_m + RADIUS_M < face_m, "touched at {}", rig.now);
         });
@@ -293,10 +298,10 @@ fn when_the_obstacle_is_gone_the_way_is_driven_on() {
     rig.run_until_x(1.5);
     let face_m = rig.place().x_m + 1.0;
     // From fence to fence: there is no way around.
-    rig.world.set_stage(stage(&[(face_m, 0.0, 0.2, 12.0)]));
+    rig.set_stage(&[(face_m, 0.0, 0.2, 12.0)]);
     rig.run(Duration::from_secs(40));
     assert!(rig.place().x_m < face_m - RADIUS_M - 0.1);
-    rig.world.set_stage(stage(&[]));
+    rig.set_stage(&[]);
     rig.run(Duration::from_secs(200));
     assert!(
         rig.place().distance_to(Point::new(8.0, 0.0)) < 0.5,
