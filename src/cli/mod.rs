@@ -10,6 +10,7 @@ pub mod error;
 mod folder;
 pub mod image;
 mod load;
+mod pictures;
 pub mod plan;
 mod read;
 pub mod recording;

@@ -1,4 +1,4 @@
-//! What a run is reported as: the summary on the terminal, `summary.json`, the pictures and the data files.
+//! What a run is reported as: the summary on the terminal, `summary.json`, and the data files.
 
 use std::time::Duration;
 
@@ -7,12 +7,10 @@ use serde_json::{Value, json};
 use super::error::CliError;
 use super::folder::OutputFolder;
 use super::recording::links_csv;
-use crate::draw::{CellState, HeatMap, OccupancyMap, Overlay, Picture};
-use crate::geom::{Cell, Point};
+use crate::geom::Point;
 use crate::ground::imager::Subject;
-use crate::map::{CellRect, Occupancy};
 use crate::sim::{Found, Outcome, Scenario};
-use crate::tomo::{Image, Link, Reconstruction, WeightRows, npy_bytes, runs_along_a_side};
+use crate::tomo::{Link, WeightRows, npy_bytes, runs_along_a_side};
 
 /// The names of all files that a run may leave behind.
 pub const FAMILY: &[&str] = &[
@@ -134,6 +132,14 @@ impl Report {
         self.persons.iter().filter(move |(_, at)| !near(*at))
     }
 
+    /// Writes the figures for a program as `summary.json`.
+    ///
+    /// # Errors
+    /// The file cannot be written.
+    pub fn write(&self, folder: &mut OutputFolder) -> Result<(), CliError> {
+        folder.write("summary.json", format!("{:#}\n", self.json()).as_bytes())
+    }
+
     /// Gives the figures for a program.
     pub fn json(&self) -> Value {
         let found = |find: &Found| json!({ "x_m": find.at.x_m, "y_m": find.at.y_m, "strength": find.strength, "error_m": find.error_m });
@@ -194,17 +200,11 @@ fn coverage(scenario: &Scenario, links: &[Link]) -> f64 {
     seen.iter().filter(|weight| **weight > 0.0).count() as f64 / seen.len().max(1) as f64
 }
 
-/// Writes everything that a run leaves behind.
+/// Writes links, images as numbers, and the log.
 ///
 /// # Errors
-/// A file cannot be written, or a picture cannot be made.
-pub fn write_files(
-    folder: &mut OutputFolder,
-    scenario: &Scenario,
-    outcome: &Outcome,
-    report: &Report,
-    pictures: bool,
-) -> Result<(), CliError> {
+/// A file cannot be written.
+pub fn write_data(folder: &mut OutputFolder, scenario: &Scenario, outcome: &Outcome) -> Result<(), CliError> {
     folder.write("links.csv", links_csv(&outcome.links).as_bytes())?;
     if scenario.sim().empty_sweep {
         folder.write("empty.csv", links_csv(&outcome.empty_links).as_bytes())?;
@@ -213,109 +213,5 @@ pub fn write_files(
     for (name, made) in images.iter().filter_map(|(name, made)| made.as_ref().map(|made| (name, made))) {
         folder.write(&format!("{name}.npy"), &npy_bytes(&made.image))?;
     }
-    if pictures {
-        write_pictures(folder, scenario, outcome)?;
-    }
-    folder.write("run.log", outcome.log.as_bytes())?;
-    let json =
-        serde_json::to_string_pretty(&report.json()).map_err(|error| CliError::Fault(error.to_string()))?;
-    folder.write("summary.json", format!("{json}\n").as_bytes())
-}
-
-fn write_pictures(folder: &mut OutputFolder, scenario: &Scenario, outcome: &Outcome) -> Result<(), CliError> {
-    if let Some(change) = &outcome.change {
-        let title = "What changed since the empty sweep";
-        folder.write("image.png", &heat(title, change, truth(outcome, true))?)?;
-    }
-    if let Some(structure) = &outcome.structure {
-        let title = "What stands there, from a fitted path loss";
-        folder.write("structure.png", &heat(title, structure, truth(outcome, false))?)?;
-    }
-    folder.write("map.png", &map(scenario, outcome)?)
-}
-
-fn drawn(result: Result<Vec<u8>, crate::draw::DrawError>) -> Result<Vec<u8>, CliError> {
-    result.map_err(|error| CliError::Fault(error.to_string()))
-}
-
-fn heat(title: &str, made: &Reconstruction, overlays: Vec<Overlay>) -> Result<Vec<u8>, CliError> {
-    let title = format!("{title} ({} links)", made.used);
-    let Image { grid, values } = &made.image;
-    let spec = HeatMap { title, grid: *grid, values, unit: "dB/m", length_unit: "m", overlays, range: None };
-    drawn(Picture::heat(&spec))
-}
-
-/// The truth and what was found, to be drawn over an image.
-fn truth(outcome: &Outcome, with_finds: bool) -> Vec<Overlay> {
-    let mut overlays = tracks(outcome);
-    overlays.extend(
-        outcome
-            .outlines
-            .iter()
-            .map(|outline| Overlay::Outline { polygon: outline.polygon.clone(), label: None }),
-    );
-    overlays.extend(outcome.persons.iter().map(|person| Overlay::Circle {
-        at: person.at,
-        radius_m: person.radius_m,
-        label: Some(person.name.clone()),
-    }));
-    if with_finds {
-        overlays.extend(outcome.found().iter().map(|find| Overlay::Cross { at: find.at, label: None }));
-    }
-    overlays
-}
-
-fn tracks(outcome: &Outcome) -> Vec<Overlay> {
-    let tracks = outcome.tracks.iter().enumerate();
-    tracks
-        .map(|(colour, (vehicle, points))| Overlay::Track {
-            points: points.clone(),
-            colour,
-            label: Some(format!("vehicle {vehicle}")),
-        })
-        .collect()
-}
-
-fn map(scenario: &Scenario, outcome: &Outcome) -> Result<Vec<u8>, CliError> {
-    let venue = &scenario.sim().venue;
-    let lattice = outcome.map.lattice();
-    let known = outcome.map.extent(0);
-    let fence = CellRect::around(lattice, venue.fence.corners(), 0.5);
-    let area = fence.into_iter().chain(known.filter(|_| fence.is_none())).next();
-    let area = area.unwrap_or(CellRect::covering(lattice, venue.area));
-    let view = outcome.map.view(0, area);
-    let (columns, rows) = (area.width_cells() as usize, area.height_cells() as usize);
-    let mut cells = Vec::with_capacity(columns * rows);
-    for y in area.low.y..=area.high.y {
-        for x in area.low.x..=area.high.x {
-            cells.push(match view.occupancy(Cell::new(x, y)) {
-                Occupancy::Free => CellState::Free,
-                Occupancy::Unknown => CellState::Unknown,
-                Occupancy::Occupied => CellState::Occupied,
-            });
-        }
-    }
-    let mut overlays =
-        vec![Overlay::Fence { polygon: venue.fence.clone() }, Overlay::Area { rect: venue.area }];
-    overlays.extend(tracks(outcome));
-    overlays.extend(
-        outcome
-            .outlines
-            .iter()
-            .map(|outline| Overlay::Outline { polygon: outline.polygon.clone(), label: None }),
-    );
-    overlays.extend(homes(scenario));
-    overlays.extend(outcome.tracks.iter().filter_map(|(vehicle, points)| {
-        Some(Overlay::Dot { at: *points.last()?, label: Some(vehicle.to_string()) })
-    }));
-    let title = "What the range sensors saw".to_owned();
-    let middle = lattice.centre(area.low);
-    let origin = Point::new(middle.x_m - lattice.cell_m() / 2.0, middle.y_m - lattice.cell_m() / 2.0);
-    let cell_m = lattice.cell_m();
-    drawn(Picture::occupancy(&OccupancyMap { title, origin, cell_m, columns, rows, cells: &cells, overlays }))
-}
-
-fn homes(scenario: &Scenario) -> Vec<Overlay> {
-    let ids = scenario.sim().vehicle_ids();
-    ids.filter_map(|id| Some(Overlay::Home { at: scenario.sim().home(id)?, label: None })).collect()
+    folder.write("run.log", outcome.log.as_bytes())
 }

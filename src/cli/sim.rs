@@ -10,7 +10,8 @@ use super::answer::complain;
 use super::error::CliError;
 use super::folder::OutputFolder;
 use super::load::{self, Loaded};
-use super::report::{FAMILY, Report, write_files};
+use super::pictures::write_pictures;
+use super::report::{FAMILY, Report, write_data};
 use super::stop::Stop;
 use super::trials;
 use crate::sim::{Outcome, RunError, Scenario, Status};
@@ -97,9 +98,14 @@ impl SimArgs {
         let target = self.out.clone().unwrap_or_else(|| default_folder(&scenario, seed));
         let stop = Stop::listen();
         let mut folder = OutputFolder::prepare(&target, FAMILY)?;
-        let (outcome, wall) = watched(&scenario, &stop)?;
-        let report = Report::new(&scenario, &outcome, seed, wall);
-        write_files(&mut folder, &scenario, &outcome, &report, !self.no_pictures)?;
+        let started = started();
+        let outcome = watched(&scenario, &stop, started)?;
+        write_data(&mut folder, &scenario, &outcome)?;
+        if !self.no_pictures {
+            write_pictures(&mut folder, &scenario, &outcome)?;
+        }
+        let report = Report::new(&scenario, &outcome, seed, started.elapsed());
+        report.write(&mut folder)?;
         let target = folder.publish()?;
         let kinds = if self.no_pictures { "data" } else { "pictures and data" };
         let text = format!("{}written: {} ({kinds})\n", report.text(), target.display());
@@ -130,11 +136,14 @@ fn default_folder(scenario: &Scenario, seed: u64) -> PathBuf {
 
 #[allow(
     clippy::disallowed_methods,
-    reason = "the shell measures how long a run took; no decision hangs on it"
+    reason = "the shell measures how long a run took, pictures included; no decision hangs on it"
 )]
-fn watched(scenario: &Scenario, stop: &Stop) -> Result<(Outcome, Duration), CliError> {
+fn started() -> Instant {
+    Instant::now()
+}
+
+fn watched(scenario: &Scenario, stop: &Stop, started: Instant) -> Result<Outcome, CliError> {
     let bar = progress_bar();
-    let started = Instant::now();
     let mut is_stopped = false;
     let mut watch = |status: &Status| {
         bar.set_length(status.laps.max(1) as u64);
@@ -153,7 +162,7 @@ fn watched(scenario: &Scenario, stop: &Stop) -> Result<(Outcome, Duration), CliE
         outcome.failure =
             Some("it was asked to stop; the folder holds what was measured until then".to_owned());
     }
-    Ok((outcome, started.elapsed()))
+    Ok(outcome)
 }
 
 fn progress_bar() -> ProgressBar {
