@@ -1,5 +1,6 @@
 //! Names of things, each with its own type so that none is taken for another.
 
+use std::cmp::Ordering;
 use std::fmt;
 
 use serde::{Deserialize, Serialize};
@@ -54,13 +55,26 @@ impl fmt::Display for StopId {
     }
 }
 
-/// An operator's right to give orders: the highest number wins, a tie goes to the lower holder.
-#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Debug, Default, Serialize, Deserialize)]
+/// An operator's right to give orders: the greatest one wins, which is that of the highest number, and on
+/// a tie that of the lower holder.
+#[derive(Clone, Copy, PartialEq, Eq, Hash, Debug, Default, Serialize, Deserialize)]
 pub struct Lease {
     /// Counts the leases of a venue.
     pub number: u32,
     /// Random id of who holds it.
     pub holder: u64,
+}
+
+impl Ord for Lease {
+    fn cmp(&self, other: &Lease) -> Ordering {
+        self.number.cmp(&other.number).then(other.holder.cmp(&self.holder))
+    }
+}
+
+impl PartialOrd for Lease {
+    fn partial_cmp(&self, other: &Lease) -> Option<Ordering> {
+        Some(self.cmp(other))
+    }
 }
 
 /// Names the one writer of a map layer.
@@ -70,4 +84,16 @@ pub struct LayerId {
     pub vehicle: VehicleId,
     /// The start of that vehicle's software.
     pub boot: Boot,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_tie_between_leases_goes_to_the_lower_holder() {
+        let lease = |number, holder| Lease { number, holder };
+        assert!(lease(2, 9) > lease(1, 1));
+        assert!(lease(2, 1) > lease(2, 9));
+    }
 }

@@ -30,7 +30,6 @@ use crate::geom::{Point, Pose, Segment, Track};
 use crate::time::{Deadline, Time};
 
 pub use orders::join_orders;
-use orders::rank;
 pub use words::{Bump, Command, Fly, Motion, Refusal, Remark, Telemetry};
 
 /// Telemetry older than this makes the autopilot silent.
@@ -317,8 +316,7 @@ impl Vehicle {
     }
 
     fn order(&mut self, now: Time, order: Order, out: &mut Vec<Out>) {
-        let newer = rank(order.lease) > rank(self.ordered.0)
-            || (order.lease == self.ordered.0 && order.revision > self.ordered.1);
+        let newer = (order.lease, order.revision) > self.ordered;
         if order.vehicle != self.settings.vehicle || !newer || self.is_stale(now, order) {
             return;
         }

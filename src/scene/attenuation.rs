@@ -1,7 +1,6 @@
 //! What the scene takes from a radio link, in dB: the exact average over the link's Fresnel zone.
 //!
-//! No path loss, no fading and no noise: those belong to the simulated radio. Formula: DESIGN section 12,
-//! "Attenuation through shapes, exactly". With s along a link of length d, h across it (left is positive) and
+//! No path loss, no fading and no noise: those belong to the simulated radio. With s along a link of length d, h across it (left is positive) and
 //! r(s) = ½ √(λ s (d−s)/d), the offset of the wave from the line is taken as normal with deviation r. A solid's
 //! share is then, by Green's theorem, A = α · Σ over its counter-clockwise edges of −∫ Φ(h/r) ds. Every
 //! connected solid saturates at about 30 dB, because energy leaks around it.
@@ -14,7 +13,7 @@ use crate::geom::{Point, Rect, Segment, Vector};
 
 /// Beyond this many deviations from the line nothing counts (Φ(−4.5) = 3.4e-6).
 const REACH: f64 = 4.5;
-/// Attenuation at which an object saturates as DESIGN has it, because energy leaks around it, dB.
+/// Attenuation at which an object usually saturates, because energy leaks around it, dB.
 pub const LIMIT_DB: f64 = 30.0;
 
 /// The attenuation of all links at one height of a scene.

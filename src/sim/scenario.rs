@@ -22,6 +22,7 @@ use crate::ground::station::{Station, StationSettings};
 use crate::node::{
     BodySettings, LookSettings, RadioSettings, SafetySettings, Settings as NodeSettings, VehicleNode,
 };
+use crate::plan::Sight;
 use crate::scene::{
     Attenuation, Footprint, Material, Person, Post, Scene, SceneError, SceneParts, VrmlShape,
 };
@@ -290,6 +291,23 @@ impl Scenario {
         Lattice::new(self.sim.venue.cell_m)
     }
 
+    /// Gives the speed to drive at: at most what sensor, scan period and braking allow.
+    fn cruise_mps(&self) -> f64 {
+        let (vehicles, range, safety) = (&self.sim.vehicles, &self.sim.range, &self.sim.safety);
+        let corridor_m = vehicles.radius_m + safety.padding_m + 2.0 * vehicles.pose_sd_m;
+        let sight = Sight {
+            range_m: range.sure_range_m,
+            margin_m: corridor_m + self.sim.venue.cell_m * std::f64::consts::FRAC_1_SQRT_2,
+            scan_period_s: range.look_cycle().as_secs_f64(),
+            latency_s: range.scan_period.as_secs_f64(),
+            braking_mps2: vehicles.braking_mps2,
+        };
+        // The file's check has refused what leaves no room; a speed that is too high is lowered here.
+        sight
+            .highest_speed_mps()
+            .map_or(vehicles.max_speed_mps, |highest| highest.min(vehicles.max_speed_mps))
+    }
+
     fn node(&self, vehicle: VehicleId, home: Point) -> NodeSettings {
         let (sim, range) = (&self.sim, &self.sim.range);
         NodeSettings {
@@ -301,7 +319,7 @@ impl Scenario {
             slice: 0,
             body: BodySettings {
                 radius_m: sim.vehicles.radius_m,
-                speed_mps: sim.vehicles.max_speed_mps,
+                speed_mps: self.cruise_mps(),
                 braking_mps2: sim.vehicles.braking_mps2,
             },
             look: LookSettings {

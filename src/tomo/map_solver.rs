@@ -1,7 +1,7 @@
 //! The most probable image under a Gaussian prior: x = C Wᵀ (W C Wᵀ + H B Hᵀ + S)⁻¹ y.
 //!
 //! Solved in link space by preconditioned conjugate gradients with a warm start; the covariance is applied by
-//! FFT, so no matrix is formed. Student-t noise by iterative reweighting (rti.md 1.4). Non-negativity is not
+//! FFT, so no matrix is formed. Student-t noise by iterative reweighting, w = (ν+1) / (ν + r²/s²). Non-negativity is not
 //! imposed here.
 
 use super::prior::{Covariance, Workspace};

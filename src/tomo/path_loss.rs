@@ -52,7 +52,7 @@ impl PathLoss {
         PathLoss { p0_dbm, exponent: self.exponent + exponent, ..self }
     }
 
-    /// Fits links (their means as given) with Student-t noise, ν = 4, by iterative reweighting (rti.md 1.3);
+    /// Fits links (their means as given) with Student-t noise, ν = 4, by iterative reweighting;
     /// `None` with fewer than three usable links.
     pub fn fit(links: &[Link], prior: ExponentPrior) -> Option<PathLoss> {
         let points: Vec<(f64, f64)> = links

@@ -1,7 +1,6 @@
-//! Orders among each other: which lease ranks higher, and what two unread orders come to. Whether an order is too
-//! old is not judged here.
+//! What two unread orders come to. Whether an order is too old is not judged here.
 
-use tomoswarm_proto::{Lease, Order, OrderKind};
+use tomoswarm_proto::{Order, OrderKind};
 
 /// Joins two unread orders: within one lease and run the stronger kind wins, otherwise the newer order.
 ///
@@ -9,16 +8,11 @@ use tomoswarm_proto::{Lease, Order, OrderKind};
 /// neither of the two comes back.
 pub fn join_orders(unread: Order, newer: Order) -> Order {
     if (unread.lease, unread.run) != (newer.lease, newer.run) {
-        return if rank(unread.lease) > rank(newer.lease) { unread } else { newer };
+        return if unread.lease > newer.lease { unread } else { newer };
     }
     let kind = stronger(unread.kind, newer.kind);
     let latest = if unread.revision > newer.revision { unread } else { newer };
     Order { kind, ..latest }
-}
-
-/// Orders leases: the higher number first, a tie goes to the lower holder.
-pub(super) fn rank(lease: Lease) -> (u32, u64) {
-    (lease.number, u64::MAX - lease.holder)
 }
 
 fn stronger(a: OrderKind, b: OrderKind) -> OrderKind {
