@@ -20,7 +20,7 @@ use std::time::Duration;
 use tomoswarm_proto::{Beacon, Boot, PoseReport, Progress, RunId, Sample, State, VehicleId};
 
 use super::Settings;
-use super::sensor::carried_on;
+use super::place::Place;
 use crate::actor::{Actor, Class, Fault, Input};
 use crate::geom::Pose;
 use crate::time::{Deadline, Time};
@@ -67,7 +67,7 @@ pub enum Out {
 #[derive(Clone, Debug)]
 pub struct Radio {
     settings: Settings,
-    state: Option<(Time, State)>,
+    place: Place,
     progress: Progress,
     measures: Option<RunId>,
     /// When each member was last heard, or heard of.
@@ -92,8 +92,8 @@ impl Radio {
         let slot_at = Time::ZERO + settings.radio.slot * (1 + u32::from(settings.vehicle.0));
         let progress = Progress { vehicle: settings.vehicle, ..Progress::default() };
         Radio {
+            place: Place::unknown(settings.safety.pose_sd_max_m),
             settings,
-            state: None,
             progress,
             measures: None,
             members: BTreeMap::new(),
@@ -148,7 +148,7 @@ impl Radio {
     }
 
     fn sample(&mut self, now: Time, beacon: &Beacon, rssi_dbm: i16, out: &mut Vec<Out>) {
-        let Some(receiver_pose) = self.pose(now) else { return };
+        let Some(receiver_pose) = self.place.pose(now) else { return };
         let Some(run) = self.measures else { return };
         if beacon.progress.run != run {
             return; // the two are not of one run: nobody would know what was measured
@@ -197,13 +197,6 @@ impl Radio {
         *count += 1;
         out.push(Out::Sample(run, sample));
     }
-
-    /// Gives the pose now, carried on from the last state; `None` when it is not known well enough.
-    fn pose(&self, now: Time) -> Option<Pose> {
-        let (at, state) = self.state.as_ref()?;
-        let pose = carried_on(Pose::from(state.pose), state.speed_mps, now.since(*at))?;
-        (pose.sd_m <= self.settings.safety.pose_sd_max_m).then_some(pose)
-    }
 }
 
 fn between(from: PoseReport, to: PoseReport, share: f64) -> PoseReport {
@@ -218,7 +211,7 @@ impl Actor for Radio {
     fn handle(&mut self, now: Time, input: In, out: &mut Vec<Out>) -> Result<(), Fault> {
         match input {
             In::Heard(heard) => self.heard(now, heard, out),
-            In::State(state) => self.state = Some((now, state)),
+            In::State(state) => self.place.take(now, &state),
             In::Progress(progress) => self.progress = progress,
             In::Measure(run) => self.measures = run,
         }
@@ -233,7 +226,7 @@ impl Actor for Radio {
         self.members.retain(|_, at| now.since(*at) <= MEMBER_FOR);
         let ring = self.members.len() as u32 + 1;
         self.slot_at = now + self.settings.radio.slot * (ring + 1);
-        let Some(pose) = self.pose(now) else { return Ok(()) };
+        let Some(pose) = self.place.pose(now) else { return Ok(()) };
         self.sequence += 1;
         out.push(Out::Transmit(Beacon {
             sender: self.settings.vehicle,

@@ -16,14 +16,13 @@ use std::time::Duration;
 use tomoswarm_proto::State;
 
 use super::LookSettings;
+use super::place::Place;
 use crate::actor::{Actor, Class, Fault, Input};
-use crate::geom::{Angle, Pose, Vector};
+use crate::geom::{Angle, Pose};
 use crate::time::{Deadline, Time};
 
 /// A reading this much nearer than the last one of its beam must be seen twice, metres.
 const JUMP_M: f64 = 1.0;
-/// A pose older than this is not extrapolated any further.
-const POSE_AGE_MAX: Duration = Duration::from_millis(500);
 
 /// Asks the range sensor for an echo.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
@@ -78,8 +77,7 @@ pub enum Out {
 #[derive(Clone, Debug)]
 pub struct Sensor {
     look: LookSettings,
-    pose_sd_max_m: f64,
-    state: Option<(Time, State)>,
+    place: Place,
     beam: usize,
     phase: Phase,
     pings: u64,
@@ -98,14 +96,14 @@ impl Sensor {
     pub fn new(look: LookSettings, pose_sd_max_m: f64) -> Sensor {
         let last_m = vec![f64::INFINITY; look.beams.len()];
         let phase = Phase::Listening { next: Time::ZERO + look.period };
-        Sensor { look, pose_sd_max_m, state: None, beam: 0, phase, pings: 0, last_m }
+        Sensor { look, place: Place::unknown(pose_sd_max_m), beam: 0, phase, pings: 0, last_m }
     }
 
     fn echo(&mut self, now: Time, echo: Echo, out: &mut Vec<Out>) {
         if echo.number != self.pings {
             return; // a late answer to an earlier ping
         }
-        let Some(pose) = self.pose(now) else { return };
+        let Some(pose) = self.place.pose(now) else { return };
         let range_m = echo.range_m.filter(|range_m| self.is_in_range(*range_m));
         let reading_m = range_m.unwrap_or(f64::INFINITY);
         let suspect = reading_m < self.last_m[self.beam] - JUMP_M && reading_m < self.look.sure_range_m;
@@ -116,19 +114,6 @@ impl Sensor {
     fn is_in_range(&self, range_m: f64) -> bool {
         (self.look.min_range_m..=self.look.max_range_m).contains(&range_m)
     }
-
-    /// Gives the pose now, carried on from the last state along its motion.
-    fn pose(&self, now: Time) -> Option<Pose> {
-        let (at, state) = self.state.as_ref()?;
-        let pose = carried_on(Pose::from(state.pose), state.speed_mps, now.since(*at))?;
-        (pose.sd_m <= self.pose_sd_max_m).then_some(pose)
-    }
-}
-
-/// Gives a pose carried on along its heading for a short while; `None` when it is too old.
-pub(super) fn carried_on(pose: Pose, speed_mps: f64, age: Duration) -> Option<Pose> {
-    let moved = Vector::polar(pose.heading, speed_mps * age.as_secs_f64());
-    (age <= POSE_AGE_MAX).then_some(Pose { at: pose.at + moved, ..pose })
 }
 
 impl Actor for Sensor {
@@ -138,7 +123,7 @@ impl Actor for Sensor {
     fn handle(&mut self, now: Time, input: In, out: &mut Vec<Out>) -> Result<(), Fault> {
         match input {
             In::Echo(echo) => self.echo(now, echo, out),
-            In::State(state) => self.state = Some((now, state)),
+            In::State(state) => self.place.take(now, &state),
         }
         Ok(())
     }

@@ -1,0 +1,66 @@
+//! Where a vehicle is between two states: its last pose, carried on along its motion for a short while.
+
+use std::time::Duration;
+
+use tomoswarm_proto::State;
+
+use crate::geom::{Pose, Vector};
+use crate::time::Time;
+
+/// A pose older than this is not extrapolated any further.
+const POSE_AGE_MAX: Duration = Duration::from_millis(500);
+
+/// The last known place of the own vehicle.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Place {
+    pose_sd_max_m: f64,
+    last: Option<(Time, Pose, f64)>,
+}
+
+impl Place {
+    /// Makes a place that is not known yet; poses with a larger deviation than `pose_sd_max_m` never are.
+    pub fn unknown(pose_sd_max_m: f64) -> Place {
+        Place { pose_sd_max_m, last: None }
+    }
+
+    /// Takes the newest state.
+    pub fn take(&mut self, now: Time, state: &State) {
+        self.last = Some((now, Pose::from(state.pose), state.speed_mps));
+    }
+
+    /// Gives the pose now, carried on along its heading; `None` when it is unknown, too old or too uncertain.
+    pub fn pose(&self, now: Time) -> Option<Pose> {
+        let (at, pose, speed_mps) = self.last?;
+        let age = now.since(at);
+        let moved = Vector::polar(pose.heading, speed_mps * age.as_secs_f64());
+        let known = age <= POSE_AGE_MAX && pose.sd_m <= self.pose_sd_max_m;
+        known.then_some(Pose { at: pose.at + moved, ..pose })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::tests_support::state;
+    use super::*;
+
+    #[test]
+    fn a_place_is_carried_on_for_half_a_second_and_then_unknown() {
+        let mut place = Place::unknown(0.5);
+        assert_eq!(place.pose(Time::ZERO), None);
+        let mut moving = state(1, 2.0, 0.0);
+        moving.speed_mps = 0.5;
+        place.take(Time::ZERO, &moving);
+        let later = place.pose(Time::from_secs_f64(0.4)).unwrap();
+        assert!((later.at.x_m - 2.2).abs() < 1e-9);
+        assert_eq!(place.pose(Time::from_secs_f64(0.6)), None);
+    }
+
+    #[test]
+    fn an_uncertain_pose_is_no_place() {
+        let mut place = Place::unknown(0.5);
+        let mut lost = state(1, 2.0, 0.0);
+        lost.pose.sd_m = 0.6;
+        place.take(Time::ZERO, &lost);
+        assert_eq!(place.pose(Time::ZERO), None);
+    }
+}
