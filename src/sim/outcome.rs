@@ -12,10 +12,11 @@ use crate::scene::{Outline, Person};
 use crate::time::Time;
 use crate::tomo::{Link, Peak, Reconstruction};
 
-/// Peaks weaker than this share of the strongest, or less significant than [`SIGNIFICANT`], are no finds.
-const FOUND_SHARE: f64 = 0.5;
-/// Ratio of a peak to the image's noise above which it is a find.
-const SIGNIFICANT: f64 = 3.0;
+/// Peaks weaker than this share of the strongest are no finds: a strong object rings.
+const FOUND_SHARE: f64 = 0.3;
+/// Ratio of a peak to the image's noise from which it is a find. Over 240 seeds of the default scenario 4.2 kept all
+/// persons in 99.6 % and let a false one through in every fourth image; 3.5 keeps all, with three times as many false ones.
+const SIGNIFICANT: f64 = 4.2;
 
 /// How often things happened.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
