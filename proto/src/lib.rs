@@ -7,6 +7,7 @@
 
 #![warn(missing_docs)]
 
+mod cells;
 pub mod codec;
 mod id;
 mod key;

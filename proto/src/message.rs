@@ -100,6 +100,7 @@ pub struct TileReport {
     /// Counts the changes of this tile; the highest wins.
     pub revision: u32,
     /// 1024 cells, row-major, x fastest; one unit = 0.1 log-odds, positive = occupied.
+    #[serde(with = "crate::cells")]
     pub cells: Vec<i8>,
 }
 

@@ -27,6 +27,9 @@ use crate::time::{Deadline, Time};
 
 /// Members not heard of for this long leave the ring.
 const MEMBER_FOR: Duration = Duration::from_secs(5);
+/// Shares of a slot between which somebody who is not listed yet speaks, so as not to meet a member.
+const JOIN_FROM: f64 = 0.15;
+const JOIN_UNTIL: f64 = 0.85;
 /// A gap of more beacons than this is a new start, not that many misses.
 const MISSES_MAX: u64 = 200;
 
@@ -74,6 +77,9 @@ pub struct Radio {
     members: BTreeMap<VehicleId, Time>,
     heard: BTreeMap<VehicleId, Last>,
     sequence: u64,
+    /// When somebody last listed this vehicle among those heard.
+    listed_at: Option<Time>,
+    draws: u64,
     samples: BTreeMap<RunId, u64>,
     slot_at: Time,
 }
@@ -99,6 +105,8 @@ impl Radio {
             members: BTreeMap::new(),
             heard: BTreeMap::new(),
             sequence: 0,
+            listed_at: None,
+            draws: 0,
             samples: BTreeMap::new(),
             slot_at,
         }
@@ -117,6 +125,9 @@ impl Radio {
         let own = self.settings.vehicle;
         for member in beacon.members.iter().chain([&beacon.sender]).filter(|member| **member != own) {
             self.members.insert(*member, now);
+        }
+        if beacon.members.contains(&own) {
+            self.listed_at = Some(now);
         }
         out.push(Out::Peer(beacon.progress));
         self.sample(now, &beacon, heard.rssi_dbm, out);
@@ -137,14 +148,37 @@ impl Radio {
         } else {
             self.members.len() - between(own, speaker)
         };
-        self.settings.radio.slot * distance as u32 + self.jitter()
+        if self.is_listed(now) {
+            return self.settings.radio.slot * distance as u32 + self.jitter();
+        }
+        self.wait_to_join()
     }
 
-    /// Gives up to a tenth of a slot, different for every beacon, so that a collision is not repeated.
-    fn jitter(&self) -> Duration {
-        let mixed = (self.sequence.wrapping_mul(31) + u64::from(self.settings.vehicle.0))
-            .wrapping_mul(0x9E37_79B9_7F4A_7C15);
-        self.settings.radio.slot * ((mixed >> 56) as u32) / 2560
+    /// Tells whether somebody has listed this vehicle lately, so that the others leave its slot free.
+    fn is_listed(&self, now: Time) -> bool {
+        self.listed_at.is_some_and(|at| now.since(at) <= MEMBER_FOR)
+    }
+
+    /// Gives a wait that ends in the middle of a slot, drawn anew each time. The members of a ring speak at the
+    /// beginnings of all slots, and all who do not know of each other yet would answer in the same one.
+    fn wait_to_join(&mut self) -> Duration {
+        let share = (self.draw() >> 11) as f64 / (1u64 << 53) as f64;
+        self.settings.radio.slot.mul_f64(JOIN_FROM + (JOIN_UNTIL - JOIN_FROM) * share)
+    }
+
+    /// Gives up to a tenth of a slot, drawn anew each time.
+    fn jitter(&mut self) -> Duration {
+        self.settings.radio.slot * ((self.draw() >> 56) as u32) / 2560
+    }
+
+    /// Draws the next of a sequence of numbers of its own (SplitMix64).
+    fn draw(&mut self) -> u64 {
+        self.draws += 1;
+        let own = (u64::from(self.settings.vehicle.0) << 32) | u64::from(self.settings.boot.0);
+        let mut mixed = own.wrapping_add(self.draws).wrapping_mul(0x9E37_79B9_7F4A_7C15);
+        mixed = (mixed ^ (mixed >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
+        mixed = (mixed ^ (mixed >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
+        mixed ^ (mixed >> 31)
     }
 
     fn sample(&mut self, now: Time, beacon: &Beacon, rssi_dbm: i16, out: &mut Vec<Out>) {
@@ -225,7 +259,8 @@ impl Actor for Radio {
     fn wake(&mut self, now: Time, out: &mut Vec<Out>) -> Result<(), Fault> {
         self.members.retain(|_, at| now.since(*at) <= MEMBER_FOR);
         let ring = self.members.len() as u32 + 1;
-        self.slot_at = now + self.settings.radio.slot * (ring + 1);
+        let silence = self.settings.radio.slot * (ring + 1);
+        self.slot_at = now + silence - self.jitter();
         let Some(pose) = self.place.pose(now) else { return Ok(()) };
         self.sequence += 1;
         out.push(Out::Transmit(Beacon {
@@ -291,6 +326,57 @@ mod tests {
     fn speakers(spoken: &[(Time, u8, Vec<Out>)]) -> Vec<u8> {
         let sent = |(_, id, out): &(Time, u8, Vec<Out>)| matches!(out[..], [Out::Transmit(_)]).then_some(*id);
         spoken.iter().filter_map(sent).collect()
+    }
+
+    /// Lets radios talk over air on which two that overlap are lost; gives who was heard by all in each second.
+    fn talk_on_air(ids: &[u8], seconds: usize) -> Vec<BTreeMap<u8, usize>> {
+        let airtime = Duration::from_millis(4);
+        let mut radios: Vec<Radio> = ids.iter().map(|id| Radio::new(settings(*id))).collect();
+        let mut air: Vec<(Time, usize, Beacon)> = Vec::new();
+        let mut heard = vec![BTreeMap::new(); seconds];
+        loop {
+            let due = radios.iter().map(|radio| radio.deadline().unwrap().at).min().unwrap();
+            let ends = air.iter().map(|(start, ..)| *start + airtime).min().filter(|end| *end <= due);
+            let now = ends.unwrap_or(due);
+            let Some(count) = heard.get_mut(now.as_secs_f64() as usize) else { return heard };
+            if ends.is_some() {
+                let (start, who, beacon) = air.remove(0);
+                let overlapped = air.iter().any(|(other, ..)| *other < start + airtime);
+                let lost = overlapped || beacon.power_dbm == i8::MIN;
+                if overlapped {
+                    // The other one is lost as well.
+                    air.iter_mut().for_each(|(_, _, other)| other.power_dbm = i8::MIN);
+                }
+                if !lost {
+                    *count.entry(ids[who]).or_default() += 1;
+                    for (radio, _) in radios.iter_mut().zip(ids).filter(|(_, id)| **id != ids[who]) {
+                        let heard = Heard { beacon: beacon.clone(), rssi_dbm: -50 };
+                        radio.handle(now, In::Heard(heard), &mut Vec::new()).unwrap();
+                    }
+                }
+                continue;
+            }
+            let who = radios.iter().position(|radio| radio.deadline().unwrap().at == due).unwrap();
+            let mut out = Vec::new();
+            radios[who].handle(now, In::State(state(ids[who], f64::from(ids[who]), 0.0)), &mut out).unwrap();
+            radios[who].wake(now, &mut out).unwrap();
+            if let Some(Out::Transmit(beacon)) = out.pop() {
+                air.push((now, who, beacon));
+            }
+        }
+    }
+
+    #[test]
+    fn a_ring_forms_although_overlapping_beacons_are_lost() {
+        for ids in [&[1, 2][..], &[1, 2, 3], &[1, 2, 3, 4], &[3, 4, 9, 200, 201], &[1, 2, 3, 4, 5, 6, 7, 8]] {
+            let heard = talk_on_air(ids, 12);
+            for second in &heard[1..] {
+                assert_eq!(second.len(), ids.len(), "of {ids:?} only {second:?} are heard");
+                let (least, most) = (second.values().min().unwrap(), second.values().max().unwrap());
+                assert!(*least * 2 >= *most, "of {ids:?} some are heard seldom: {second:?}");
+                assert!(second.values().sum::<usize>() >= 14, "the ring of {ids:?} is slow: {second:?}");
+            }
+        }
     }
 
     #[test]
