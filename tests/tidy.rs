@@ -15,8 +15,9 @@ fn may_use(module: &str) -> Option<Vec<&'static str>> {
     match module {
         "time" => joined(&[]),
         "geom" => joined(&[&["time"]]),
-        "map" | "tomo" | "sweep" | "scene" | "config" => joined(&[L0]),
+        "map" | "tomo" | "sweep" | "scene" => joined(&[L0]),
         "plan" => joined(&[L0, &["map"]]),
+        "config" => joined(&[L0, &["plan"]]),
         "draw" => joined(&[L0, &["tomo", "map", "scene"]]),
         "actor" => joined(&[L0, L1]),
         "node" => joined(&[L0, L1, &["actor"]]),
