@@ -5,12 +5,13 @@ use std::time::Duration;
 use tomoswarm_proto::{Boot, Lease, VehicleId};
 
 use super::body::Limits;
-use super::bus::{Bus, BusModel, Partition};
-use super::kernel::{EMPTY_RUN, Kernel, Parts, RUN, Status};
+use super::bus::{Bus, BusModel};
+use super::kernel::{Kernel, Parts, Status};
 use super::noise::{Noise, Purpose};
 use super::outcome::Outcome;
 use super::radio_field::{RadioConstants, RadioField};
 use super::range::{RangeModel, RangeSensor};
+use super::script::{EMPTY_RUN, RUN, Script};
 use super::world::{Build, Stage, World};
 use crate::actor::Fault;
 use crate::config::{self, Planner as PlannerName, Sim, Solver as SolverName, Weights};
@@ -22,7 +23,6 @@ use crate::ground::station::{Station, StationSettings};
 use crate::node::{
     BodySettings, LookSettings, RadioSettings, SafetySettings, Settings as NodeSettings, VehicleNode,
 };
-use crate::plan::Sight;
 use crate::scene::{
     Attenuation, Footprint, Material, Person, Post, Scene, SceneError, SceneParts, VrmlShape,
 };
@@ -221,8 +221,7 @@ impl Scenario {
             bus: Bus::new(noise, self.bus()),
             vehicles,
             ground: self.ground()?,
-            populated: second,
-            end: sim.end,
+            script: Script::new(second, sim.end, sim.vehicles.count),
             until: Time::ZERO + sim.until,
             shuffle_ties: self.shuffle_ties,
         })
@@ -248,8 +247,7 @@ impl Scenario {
     fn radio(&self) -> RadioConstants {
         let radio = &self.sim.radio;
         RadioConstants {
-            // P0 holds for the configured transmit power, the field adds the power of each beacon.
-            p0_dbm: radio.p0_dbm - f64::from(radio.power_dbm),
+            p0_dbm: radio.p0_dbm,
             exponent: radio.exponent,
             wavelength_m: radio.wavelength_m(),
             rician_k: radio.rician_k,
@@ -273,39 +271,17 @@ impl Scenario {
 
     fn bus(&self) -> BusModel {
         let bus = &self.sim.bus;
-        let cut = |cut: &config::Partition| Partition {
-            from: cut.from,
-            until: cut.until,
-            sides: cut.sides.clone(),
-        };
         BusModel {
             delay: bus.delay,
             jitter: bus.jitter,
             drop_share: bus.drop_share,
             duplicate_share: bus.duplicate_share,
-            partitions: bus.partitions.iter().map(cut).collect(),
+            partitions: bus.partitions.clone(),
         }
     }
 
     fn lattice(&self) -> Lattice {
         Lattice::new(self.sim.venue.cell_m)
-    }
-
-    /// Gives the speed to drive at: at most what sensor, scan period and braking allow.
-    fn cruise_mps(&self) -> f64 {
-        let (vehicles, range, safety) = (&self.sim.vehicles, &self.sim.range, &self.sim.safety);
-        let corridor_m = vehicles.radius_m + safety.padding_m + 2.0 * vehicles.pose_sd_m;
-        let sight = Sight {
-            range_m: range.sure_range_m,
-            margin_m: corridor_m + self.sim.venue.cell_m * std::f64::consts::FRAC_1_SQRT_2,
-            scan_period_s: range.look_cycle().as_secs_f64(),
-            latency_s: range.scan_period.as_secs_f64(),
-            braking_mps2: vehicles.braking_mps2,
-        };
-        // The file's check has refused what leaves no room; a speed that is too high is lowered here.
-        sight
-            .highest_speed_mps()
-            .map_or(vehicles.max_speed_mps, |highest| highest.min(vehicles.max_speed_mps))
     }
 
     fn node(&self, vehicle: VehicleId, home: Point) -> NodeSettings {
@@ -319,7 +295,7 @@ impl Scenario {
             slice: 0,
             body: BodySettings {
                 radius_m: sim.vehicles.radius_m,
-                speed_mps: self.cruise_mps(),
+                speed_mps: sim.vehicles.max_speed_mps,
                 braking_mps2: sim.vehicles.braking_mps2,
             },
             look: LookSettings {
