@@ -31,10 +31,17 @@ pub struct Sweep {
 impl Sweep {
     pub(super) fn read(section: &Section, vehicles: usize) -> Sweep {
         let names = [("rotating-gap", Planner::RotatingGap), ("fan", Planner::Fan)];
+        let planner = section.choice("planner", Planner::RotatingGap, &names);
+        let positions = section.whole("positions", 76, 8..=2000);
+        // A fan has a round for every position that one may stand at.
+        let most_laps = match planner {
+            Planner::RotatingGap => 64,
+            Planner::Fan => positions,
+        };
         let sweep = Sweep {
-            planner: section.choice("planner", Planner::RotatingGap, &names),
-            positions: section.whole("positions", 76, 8..=2000),
-            laps: section.has("laps").then(|| section.whole("laps", 8, 1..=64)),
+            planner,
+            positions,
+            laps: section.has("laps").then(|| section.whole("laps", 8, 1..=most_laps)),
             dwell: section.duration("dwell_s", 1.0, 0.0..=600.0),
             dwell_limit: section.duration("dwell_limit_s", 30.0, 0.0..=3600.0),
         };

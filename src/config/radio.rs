@@ -8,12 +8,12 @@ use tomoswarm_proto::{Sender, VehicleId};
 use super::section::{Section, whole_of};
 use crate::time::Time;
 
-/// Constants of the simulated radio: RSSI = P0 − 10 n log10 d − attenuation + fading + noise.
+/// Constants of the simulated radio: RSSI = P0 + power − 10 n log10 d − attenuation + fading + noise.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub struct Radio {
     /// Carrier frequency, Hz.
     pub frequency_hz: f64,
-    /// Received power at 1 m, dBm.
+    /// Received power at 1 m for a transmit power of 0 dBm, dBm.
     pub p0_dbm: f64,
     /// Path-loss exponent n.
     pub exponent: f64,
@@ -31,7 +31,7 @@ pub struct Radio {
     pub slot: Duration,
     /// Channel number, part of the fading.
     pub channel: u8,
-    /// Transmit power as beacons report it, dBm; P0 holds for it.
+    /// Transmit power, dBm; beacons report it.
     pub power_dbm: i8,
 }
 

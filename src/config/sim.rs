@@ -13,6 +13,7 @@ use super::vehicle::{RangeSensor, Safety, Vehicles};
 use super::venue::Venue;
 use super::{Loader, beside, read_kind};
 use crate::geom::{Point, Segment};
+use crate::plan::{Sight, SpeedError};
 
 /// A simulation as its file describes it, checked; a run needs nothing else but a seed.
 #[derive(Clone, PartialEq, Debug)]
@@ -59,6 +60,21 @@ impl Sim {
         self.venue.homes.get(index).copied()
     }
 
+    /// Gives what a vehicle surely sees and how it stops, the one rule for its speed: the corridor that must
+    /// be known free ends half a cell's diagonal before the sure range, every beam is looked along once a
+    /// cycle, and one reading later the brakes are told.
+    pub fn sight(&self) -> Sight {
+        let Sim { vehicles, range, safety, .. } = self;
+        let corridor_m = vehicles.radius_m + safety.padding_m + 2.0 * vehicles.pose_sd_m;
+        Sight {
+            range_m: range.sure_range_m,
+            margin_m: corridor_m + self.venue.cell_m * std::f64::consts::FRAC_1_SQRT_2,
+            scan_period_s: range.look_cycle().as_secs_f64(),
+            latency_s: range.scan_period.as_secs_f64(),
+            braking_mps2: vehicles.braking_mps2,
+        }
+    }
+
     /// Reads a simulation and the files that it names; `vehicles` replaces the number of vehicles.
     pub(super) fn read(root: &Section, vehicles: Option<usize>, loader: &mut Loader) -> Option<Sim> {
         let venue = load(root, "venue", loader, |root| Some(Venue::read(root)));
@@ -77,7 +93,6 @@ impl Sim {
         let end = root.choice("end", End::Return, &ends);
         let seed = root.whole("seed", 1, 0..=i64::MAX as usize) as u64;
         root.finish();
-        check_look_before_you_drive(root, &fleet, &range, &safety);
         check_margins(root, &fleet, &safety);
         let (venue, scene) = (venue?, scene?);
         let vehicles = fleet;
@@ -97,6 +112,7 @@ impl Sim {
             end,
             seed,
         };
+        check_look_before_you_drive(root, &sim);
         check_places(root, &sim);
         Some(sim)
     }
@@ -129,22 +145,21 @@ fn load<T>(
 }
 
 /// Refuses a speed at which a vehicle could not stop within what it surely sees.
-fn check_look_before_you_drive(root: &Section, fleet: &Vehicles, range: &RangeSensor, safety: &Safety) {
+fn check_look_before_you_drive(root: &Section, sim: &Sim) {
     if !root.source.is_sound(&["vehicles", "range", "safety"]) {
         return;
     }
-    let cycle_s = range.look_cycle().as_secs_f64();
-    let needed_m = fleet.stopping_distance_m(cycle_s);
-    let seen_m = range.sure_range_m - fleet.radius_m - safety.padding_m;
-    if needed_m >= seen_m {
-        let wrong = format!(
-            "the vehicle cannot look before it drives: in one look cycle of {cycle_s:.2} s and while braking \
-             it covers {needed_m:.2} m, but only {seen_m:.2} m are surely seen ahead \
-             (sure_range_m less radius_m and padding_m)"
-        );
-        let allowed = "lower max_speed_mps, brake harder, scan faster or with fewer beams, or see farther";
-        root.source.refuse("vehicles.max_speed_mps", &wrong, allowed);
-    }
+    let Err(error) = sim.sight().allow(sim.vehicles.max_speed_mps) else { return };
+    let (key, allowed) = match error {
+        SpeedError::NoRoom { .. } => {
+            ("range.sure_range_m", "see farther, or lower radius_m, padding_m, pose_sd_m or cell_m")
+        }
+        SpeedError::TooFast { .. } | SpeedError::Value { .. } => (
+            "vehicles.max_speed_mps",
+            "lower max_speed_mps, brake harder, scan faster or with fewer beams, or see farther",
+        ),
+    };
+    root.source.refuse(key, &format!("the vehicle cannot look before it drives: {error}"), allowed);
 }
 
 fn check_margins(root: &Section, fleet: &Vehicles, safety: &Safety) {

@@ -57,12 +57,6 @@ impl Vehicles {
         section.finish();
         vehicles
     }
-
-    /// Gives the way from noticing at full speed to standing still, when it takes `delay_s` until the
-    /// brakes are told, metres: v·t + v²/(2a).
-    pub fn stopping_distance_m(&self, delay_s: f64) -> f64 {
-        self.max_speed_mps * delay_s + self.max_speed_mps * self.max_speed_mps / (2.0 * self.braking_mps2)
-    }
 }
 
 /// A range sensor on a servo, which looks along its beams in turn.

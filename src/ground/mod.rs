@@ -5,6 +5,7 @@
 //! done is an [`Effect`].
 
 mod fleet;
+pub mod from_config;
 mod ground_node;
 pub mod imager;
 pub mod planner;

@@ -8,7 +8,8 @@ use tomoswarm_proto::{LayerId, TILE_CELLS, TILE_SIDE, TileAddress, TileReport};
 use crate::geom::Cell;
 
 /// A layer's cell never leaves ± this value (0.1 log-odds): one vehicle, however often it looked, weighs less
-/// than one fresh hit by each of two others.
+/// than one fresh hit of 9 by each of two others. A hit that a cell shares with a wide arc weighs as little as 3;
+/// of those it takes six.
 pub const LAYER_CLAMP: i8 = 17;
 /// A merged cell never leaves ± this value (0.1 log-odds).
 pub const MERGED_CLAMP: i16 = 100;

@@ -102,11 +102,6 @@ impl View<'_> {
             Some(None) | None => Occupancy::Unknown,
         }
     }
-
-    /// Tells what is known of the cell that holds a point.
-    pub fn occupancy_at(&self, point: Point) -> Occupancy {
-        self.occupancy(self.lattice.cell_at(point))
-    }
 }
 
 #[cfg(test)]

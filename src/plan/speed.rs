@@ -33,7 +33,7 @@ pub enum SpeedError {
         allowed: &'static str,
     },
     /// The margin leaves nothing of the range.
-    #[error("a sure range of {range_m} m leaves nothing to drive in beyond a margin of {margin_m} m")]
+    #[error("a sure range of {range_m} m leaves nothing to drive in beyond a margin of {margin_m:.2} m")]
     NoRoom {
         /// Sure range, metres.
         range_m: f64,
@@ -42,7 +42,9 @@ pub enum SpeedError {
     },
     /// The wanted speed cannot be stopped in time.
     #[error(
-        "{wanted_mps} m/s needs {needed_m:.2} m to stop, but {room_m:.2} m are known free; at most {highest_mps:.2} m/s"
+        "{wanted_mps} m/s needs {needed_m:.2} m to stop, but only {room_m:.2} m are surely seen ahead: it would \
+         outrun its looks above {:.3} m/s",
+        (highest_mps * 1000.0).floor() / 1000.0
     )]
     TooFast {
         /// Wanted speed, m/s.

@@ -151,6 +151,7 @@ impl Body {
 
     /// Gives the next moment after `after` at which the law of motion changes; `None` when it is at
     /// rest for good.
+    #[cfg(test)]
     pub fn next_change(&self, after: Time) -> Option<Time> {
         self.phases[self.phase_index(after)?..]
             .iter()
@@ -164,6 +165,7 @@ impl Body {
     }
 
     /// Gives where it will come to rest, and facing where, by the last command.
+    #[cfg(test)]
     pub fn destination(&self) -> BodyState {
         self.rest
     }

@@ -8,10 +8,11 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::time::Duration;
 
-use tomoswarm_proto::Message;
 use tomoswarm_proto::codec::{DecodeError, EncodeError, decode, encode};
+use tomoswarm_proto::{Message, VehicleId};
 
 use super::noise::{Noise, Purpose};
+use crate::config::Partition;
 use crate::time::Time;
 
 /// A node of the swarm: the ground station or a vehicle.
@@ -19,17 +20,6 @@ pub use tomoswarm_proto::Sender as NodeId;
 
 /// Nothing arrives sooner than this.
 pub const SHORTEST_DELAY: Duration = Duration::from_micros(1);
-
-/// A time in which some nodes do not hear others.
-#[derive(Clone, PartialEq, Debug)]
-pub struct Partition {
-    /// When it begins.
-    pub from: Time,
-    /// When it is over.
-    pub until: Time,
-    /// Who still hears each other; nodes on no side are one more side.
-    pub sides: Vec<Vec<NodeId>>,
-}
 
 /// How the bus behaves.
 #[derive(Clone, PartialEq, Debug)]
@@ -133,11 +123,7 @@ impl Bus {
 
     /// Tells whether two nodes hear each other at a moment.
     pub fn joins(&self, now: Time, a: NodeId, b: NodeId) -> bool {
-        let cut = |partition: &Partition| {
-            let side = |node| partition.sides.iter().position(|side| side.contains(&node));
-            (partition.from..partition.until).contains(&now) && side(a) != side(b)
-        };
-        !self.model.partitions.iter().any(cut)
+        !self.model.partitions.iter().any(|partition| partition.cuts(now, a, b))
     }
 
     /// Gives what every node has sent and was sent, ascending.
@@ -168,6 +154,23 @@ pub fn deliver(frame: &[u8]) -> Result<Message, DecodeError> {
     decode(frame)
 }
 
+/// Gives who subscribes to a message, in a swarm of these vehicles and a ground station.
+pub fn receivers(message: &Message, vehicles: impl Iterator<Item = VehicleId>) -> Vec<NodeId> {
+    let vehicles = vehicles.map(NodeId::Vehicle);
+    match message {
+        Message::Samples(_) => vec![NodeId::Ground],
+        Message::Order(order) => vec![NodeId::Vehicle(order.vehicle)],
+        Message::Plan(_) | Message::Have(_) => vehicles.collect(),
+        Message::State(_)
+        | Message::Tile(_)
+        | Message::Digest(_)
+        | Message::Want(_)
+        | Message::Progress(_)
+        | Message::Hello(_) => vehicles.chain([NodeId::Ground]).collect(),
+        Message::Beacon(_) => Vec::new(),
+    }
+}
+
 fn number(node: NodeId) -> u64 {
     match node {
         NodeId::Ground => 0,
@@ -178,7 +181,7 @@ fn number(node: NodeId) -> u64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use tomoswarm_proto::{Progress, RunId, TileAddress, TileReport, VehicleId};
+    use tomoswarm_proto::{Progress, RunId, TileAddress, TileReport};
 
     const A: NodeId = NodeId::Vehicle(VehicleId(1));
     const B: NodeId = NodeId::Vehicle(VehicleId(2));

@@ -7,25 +7,27 @@
 //!     └───────────── simulated drivers (world), bus ◄────────────────────────────────────────────────────┘
 //! ```
 
+mod journal;
 #[cfg(test)]
 mod rig;
+mod scripted;
 
 use std::sync::Arc;
 use std::time::Duration;
 
-use tomoswarm_proto::{Beacon, Digest, Message, OrderKind, RunId, VehicleId, codec};
+use tomoswarm_proto::{Beacon, Message, VehicleId};
 
-use super::bus::{Bus, NodeId, deliver};
-use super::log::hash;
+use super::air::{Air, Fate};
+use super::bus::{Bus, NodeId, deliver, receivers};
 use super::noise::{Noise, Purpose};
 use super::outcome::Recorder;
 use super::queue::EventQueue;
-use super::world::{Stage, Touch, World};
+use super::script::{Script, Step};
+use super::world::{Touch, World};
 use crate::actor::Fault;
-use crate::config::End;
-use crate::geom::{Angle, Point};
-use crate::ground::station::{Note as GroundNote, Wish};
-use crate::ground::{self, GroundNode, imager};
+use crate::geom::Angle;
+use crate::ground::station::Note as GroundNote;
+use crate::ground::{self, GroundNode};
 use crate::node::mission::Remark as MissionRemark;
 use crate::node::radio::Heard;
 use crate::node::route::Note as VehicleNote;
@@ -37,24 +39,8 @@ use crate::time::Time;
 const TELEMETRY_EVERY: Duration = Duration::from_millis(100);
 /// Tracks are recorded this often.
 const TRACK_EVERY: Duration = Duration::from_secs(1);
-/// A beacon is on the air this long; two that overlap are lost.
-const AIRTIME: Duration = Duration::from_millis(4);
-/// Speed of sound, m/s.
-const SOUND_MPS: f64 = 343.0;
-/// The operator begins the first sweep after this time.
-const BEGIN_AT: Duration = Duration::from_secs(2);
-/// Between two sweeps people need this long to walk in.
-const ENTER_TAKES: Duration = Duration::from_secs(2);
 /// After the end the sensors and radios are silent and nobody drives; the bus carries on for so long.
 const SETTLES: Duration = Duration::from_secs(20);
-/// After the last picture nothing is waited for any longer than this.
-const HOME_WITHIN: Duration = Duration::from_secs(900);
-
-/// The first sweep of a scenario, with nobody inside; without an empty sweep it is not driven.
-pub const EMPTY_RUN: RunId = RunId(1);
-/// The sweep whose picture is wanted.
-pub const RUN: RunId = RunId(2);
-
 /// What is to happen.
 enum Event {
     Wake { node: usize, generation: u64 },
@@ -65,27 +51,6 @@ enum Event {
     Deliver { to: NodeId, frame: Arc<[u8]> },
     Touch(Touch),
     Script(Step),
-}
-
-/// What the scenario does by itself.
-#[derive(Clone, Copy, PartialEq, Eq, Debug)]
-enum Step {
-    BeginFirst,
-    PeopleEnter,
-    BeginMain,
-    ReturnHome,
-    GiveUpWaiting,
-}
-
-/// A beacon on the air.
-struct OnAir {
-    number: u64,
-    from: usize,
-    start: Time,
-    place: Point,
-    frame: Arc<[u8]>,
-    channel: u8,
-    power_dbm: i8,
 }
 
 /// A node's alarm; a generation tells which of the queued wakes counts.
@@ -115,9 +80,7 @@ pub(super) struct Parts {
     pub bus: Bus,
     pub vehicles: Vec<VehicleNode>,
     pub ground: GroundNode,
-    /// The stage with everybody in it, and whether a sweep without them comes first.
-    pub populated: Option<Stage>,
-    pub end: End,
+    pub script: Script,
     pub until: Time,
     pub shuffle_ties: bool,
 }
@@ -133,14 +96,11 @@ pub(super) struct Kernel {
     ground: GroundNode,
     alarms: Vec<Alarm>,
     beams: Vec<Angle>,
-    air: Vec<OnAir>,
-    beacons: u64,
-    populated: Option<Stage>,
-    end: End,
+    air: Air,
+    script: Script,
     until: Time,
     record: Recorder,
     status: Status,
-    homes: usize,
     ended: Option<Time>,
     vehicle_effects: Vec<node::Effect>,
     ground_effects: Vec<ground::Effect>,
@@ -161,14 +121,11 @@ impl Kernel {
             ground: parts.ground,
             alarms: vec![Alarm::default(); count + 1],
             beams: vec![Angle::default(); count],
-            air: Vec::new(),
-            beacons: 0,
-            populated: parts.populated,
-            end: parts.end,
+            air: Air::default(),
+            script: parts.script,
             until: parts.until,
             record: Recorder::new(&ids),
             status: Status { now: Time::ZERO, laps_done: 0, laps: 0, samples: 0 },
-            homes: 0,
             ended: None,
             vehicle_effects: Vec::new(),
             ground_effects: Vec::new(),
@@ -184,8 +141,8 @@ impl Kernel {
             self.queue.push(Time::ZERO + TELEMETRY_EVERY.mul_f64(share), Event::Telemetry { vehicle });
         }
         self.queue.push(Time::ZERO + TRACK_EVERY, Event::Track);
-        let first = if self.populated.is_some() { Step::BeginFirst } else { Step::BeginMain };
-        self.queue.push(Time::ZERO + BEGIN_AT, Event::Script(first));
+        let (after, first) = self.script.first();
+        self.queue.push(Time::ZERO + after, Event::Script(first));
         for node in 0..self.alarms.len() {
             self.set_alarm(node);
         }
@@ -215,6 +172,7 @@ impl Kernel {
     /// Takes the run apart.
     pub fn into_parts(mut self) -> (Recorder, World, GroundNode, Bus, Time, f64) {
         self.log_holdings();
+        self.record.sweep_done = self.script.is_sweep_done();
         let separation_m = self.world.min_separation_m(self.now);
         let end = self.ended.unwrap_or(self.now);
         (self.record, self.world, self.ground, self.bus, end, separation_m)
@@ -226,22 +184,6 @@ impl Kernel {
             self.ended = Some(self.now);
             self.until = self.until.min(self.now + SETTLES);
         }
-    }
-
-    /// Logs what every node holds at the end: all maps must be one, and every sample made must be stored.
-    fn log_holdings(&mut self) {
-        for vehicle in 0..self.vehicles.len() {
-            let node = &self.vehicles[vehicle];
-            let (who, map) = (format!("vehicle {}", node.id()), map_hash(&node.map().digest()));
-            let (samples, dropped) = (node.samples_made(RUN), node.dropped());
-            let waits = node.mission().waits_for().map_or("drives on".to_owned(), |waits| waits.to_string());
-            let what =
-                format!("holds map {map:016x}, made {samples} samples, dropped {dropped} inputs, {waits}");
-            self.log(&who, format_args!("{what}"));
-        }
-        let station = self.ground.station();
-        let (map, samples) = (map_hash(&station.map().digest()), station.samples().count(RUN));
-        self.log("ground", format_args!("holds map {map:016x}, stored {samples} samples"));
     }
 
     fn happen(&mut self, event: Event) -> Result<(), Fault> {
@@ -261,26 +203,12 @@ impl Kernel {
             Event::Deliver { to, frame } => self.deliver(to, &frame),
             Event::Touch(touch) => {
                 if let Some(collision) = self.world.touch(&touch) {
-                    let place = collision.place;
-                    self.log(
-                        "referee",
-                        format_args!(
-                            "collision of {} with {} at {:.3},{:.3}",
-                            collision.vehicle,
-                            collision.with.map_or("the scene".to_owned(), |peer| peer.to_string()),
-                            place.x_m,
-                            place.y_m
-                        ),
-                    );
+                    self.log_collision(&collision);
                 }
                 Ok(())
             }
             Event::Script(step) => self.script(step),
         }
-    }
-
-    fn log(&mut self, who: &str, what: std::fmt::Arguments<'_>) {
-        self.record.log.line(self.now, who, what);
     }
 
     fn wake(&mut self, node: usize, generation: u64) -> Result<(), Fault> {
@@ -360,43 +288,28 @@ impl Kernel {
 
     fn ping(&mut self, vehicle: usize, number: u64) {
         self.record.counts.scans += 1;
-        let range_m = self.world.range_m(vehicle, self.now, self.beams[vehicle], number);
-        let way_m = 2.0 * range_m.unwrap_or(4.0);
-        let at = self.now + Duration::from_secs_f64(way_m / SOUND_MPS);
-        self.queue.push(at, Event::Echo { vehicle, echo: Echo { number, range_m } });
+        let (range_m, takes) = self.world.echo(vehicle, self.now, self.beams[vehicle], number);
+        self.queue.push(self.now + takes, Event::Echo { vehicle, echo: Echo { number, range_m } });
     }
 
     fn transmit(&mut self, vehicle: usize, beacon: Beacon) {
         let place = self.world.truth(vehicle, self.now).at;
-        let (channel, power_dbm) = (beacon.channel, beacon.power_dbm);
-        // A beacon that does not fit into a frame is not sent; its sequence then shows as a miss.
-        let Ok(frame) = codec::encode(&Message::Beacon(beacon)) else { return };
-        self.beacons += 1;
-        let number = self.beacons;
-        let (start, frame) = (self.now, frame.into());
-        self.air.push(OnAir { number, from: vehicle, start, place, frame, channel, power_dbm });
-        self.queue.push(self.now + AIRTIME, Event::AirEnds { number });
+        let Some((number, ends)) = self.air.begin(self.now, vehicle, place, beacon) else { return };
+        self.queue.push(ends, Event::AirEnds { number });
     }
 
     fn end_of_beacon(&mut self, number: u64) -> Result<(), Fault> {
-        let Some(index) = self.air.iter().position(|beacon| beacon.number == number) else { return Ok(()) };
-        let overlaps = |other: &OnAir| {
-            let beacon = &self.air[index];
-            other.number != number && other.channel == beacon.channel && other.start + AIRTIME > beacon.start
+        let sent = match self.air.end(self.now, number) {
+            Fate::Clear(sent) => sent,
+            Fate::Collided => {
+                self.record.counts.collided_beacons += 1;
+                return Ok(());
+            }
+            Fate::Unknown => return Ok(()),
         };
-        let collided = self.air.iter().any(overlaps);
-        let beacon = &self.air[index];
-        let (from, place, radio) = (beacon.from, beacon.place, (beacon.channel, beacon.power_dbm));
-        let frame = beacon.frame.clone();
-        self.air.retain(|beacon| self.now.since(beacon.start) <= AIRTIME * 2);
-        if collided {
-            self.record.counts.collided_beacons += 1;
-            return Ok(());
-        }
-        for to in (0..self.vehicles.len()).filter(|to| *to != from) {
-            let ids = [number, u64::from(self.vehicles[to].id().0)];
-            let Some(rssi_dbm) = self.world.received_dbm(place, to, self.now, radio, &ids) else { continue };
-            let Ok(Message::Beacon(beacon)) = deliver(&frame) else { continue };
+        for to in (0..self.vehicles.len()).filter(|to| *to != sent.from) {
+            let Some(rssi_dbm) = self.world.received_dbm(&sent, to, self.now) else { continue };
+            let Ok(Message::Beacon(beacon)) = deliver(&sent.frame) else { continue };
             self.record.counts.beacons_heard += 1;
             self.tell(to, node::Event::Heard(Heard { beacon, rssi_dbm }))?;
         }
@@ -404,28 +317,11 @@ impl Kernel {
     }
 
     fn publish(&mut self, sender: NodeId, message: &Message) {
-        let receivers = self.receivers(message);
+        let receivers = receivers(message, self.vehicles.iter().map(VehicleNode::id));
         // A message too long for a frame is dropped here as a live bus would drop it.
         let Ok(deliveries) = self.bus.send(self.now, sender, message, &receivers) else { return };
         for delivery in deliveries {
             self.queue.push(delivery.at, Event::Deliver { to: delivery.to, frame: delivery.frame });
-        }
-    }
-
-    /// Gives who subscribes to a message.
-    fn receivers(&self, message: &Message) -> Vec<NodeId> {
-        let vehicles = self.vehicles.iter().map(|vehicle| NodeId::Vehicle(vehicle.id()));
-        match message {
-            Message::Samples(_) => vec![NodeId::Ground],
-            Message::Order(order) => vec![NodeId::Vehicle(order.vehicle)],
-            Message::Plan(_) | Message::Have(_) => vehicles.collect(),
-            Message::State(_)
-            | Message::Tile(_)
-            | Message::Digest(_)
-            | Message::Want(_)
-            | Message::Progress(_)
-            | Message::Hello(_) => vehicles.chain([NodeId::Ground]).collect(),
-            Message::Beacon(_) => Vec::new(),
         }
     }
 
@@ -454,10 +350,8 @@ impl Kernel {
             VehicleNote::Mission(remark) => {
                 self.log(&who, format_args!("{remark:?}"));
                 if matches!(remark, MissionRemark::Home) {
-                    self.homes += 1;
-                    if self.homes == self.vehicles.len() {
-                        self.end();
-                    }
+                    let next = self.script.came_home();
+                    self.follow(next);
                 }
             }
         }
@@ -479,106 +373,18 @@ impl Kernel {
         self.log("ground", format_args!("{note:?}"));
         match note {
             GroundNote::Planned { laps, .. } => {
-                let sweeps = if self.populated.is_some() { 2 } else { 1 };
-                self.status.laps = self.status.laps_done + laps * sweeps;
+                self.status.laps = self.status.laps_done + laps * self.script.sweeps_left();
             }
             GroundNote::LapDone { samples, .. } => {
                 self.status.laps_done += 1;
                 self.status.samples = self.status.samples.max(*samples);
             }
-            GroundNote::RunClosed { run, .. } if *run == EMPTY_RUN => {
-                self.queue.push(self.now + ENTER_TAKES, Event::Script(Step::PeopleEnter));
-            }
-            GroundNote::RunClosed { .. } => self.record.sweep_done = true,
-            GroundNote::NoPlan(reason) => {
-                self.record.failure = Some(reason.clone());
-                self.end();
-            }
-            GroundNote::Stalled(run) => {
-                self.record.failure = Some(format!("sweep {run} cannot be ended: no vehicle gets on"));
-                self.end();
-            }
-            GroundNote::Replans(_) => {}
+            GroundNote::RunClosed { .. }
+            | GroundNote::NoPlan(_)
+            | GroundNote::Stalled(_)
+            | GroundNote::Replans(_) => {}
         }
+        let next = self.script.hear(note);
+        self.follow(next);
     }
-
-    /// Takes a picture; the last one of the main run ends the run, or sends everybody home.
-    fn picture(&mut self, picture: imager::Picture) {
-        let last = picture.run == RUN && picture.subject == imager::Subject::Structure;
-        self.record.picture(self.now, picture);
-        if !(last && self.record.sweep_done) {
-            return;
-        }
-        match self.end {
-            End::Hold => self.end(),
-            End::Return => self.queue.push(self.now, Event::Script(Step::ReturnHome)),
-        }
-    }
-
-    fn script(&mut self, step: Step) -> Result<(), Fault> {
-        match step {
-            Step::BeginFirst => self.begin(EMPTY_RUN, None),
-            Step::PeopleEnter => {
-                if let Some(stage) = self.populated.take() {
-                    let touches = self.world.set_stage(stage, self.now);
-                    self.foresee(touches);
-                }
-                self.log("scenario", format_args!("the persons enter"));
-                self.queue.push(self.now + ENTER_TAKES, Event::Script(Step::BeginMain));
-                self.record.empty_done = true;
-                Ok(())
-            }
-            Step::BeginMain => self.begin(RUN, self.record.empty_done.then_some(EMPTY_RUN)),
-            Step::GiveUpWaiting if self.ended.is_some() => Ok(()),
-            Step::GiveUpWaiting => {
-                self.record.failure = Some("not everybody came home in time".to_owned());
-                self.end();
-                Ok(())
-            }
-            Step::ReturnHome => {
-                self.queue.push(self.now + HOME_WITHIN, Event::Script(Step::GiveUpWaiting));
-                self.tell_ground(ground::Event::Operator(Wish::Order(OrderKind::Return)))
-            }
-        }
-    }
-
-    fn begin(&mut self, run: RunId, empty: Option<RunId>) -> Result<(), Fault> {
-        self.log("scenario", format_args!("sweep {run} is wished"));
-        self.tell_ground(ground::Event::Operator(Wish::Sweep { run, empty }))
-    }
-
-    fn track(&mut self) {
-        self.queue.push(self.now + TRACK_EVERY, Event::Track);
-        for vehicle in 0..self.vehicles.len() {
-            let state = self.world.truth(vehicle, self.now);
-            self.record.track(vehicle, state.at);
-        }
-        if self.now.as_nanos() % 10_000_000_000 < 1_000_000_000 {
-            self.log_poses();
-        }
-    }
-
-    fn log_poses(&mut self) {
-        for vehicle in 0..self.vehicles.len() {
-            let state = self.world.truth(vehicle, self.now);
-            let who = format!("vehicle {}", self.vehicles[vehicle].id());
-            let (at, degrees) = (state.at, state.heading.degrees());
-            self.log(
-                &who,
-                format_args!(
-                    "at {:.3},{:.3} faces {degrees:.1} drives {:.3}",
-                    at.x_m, at.y_m, state.speed_mps
-                ),
-            );
-        }
-    }
-}
-
-/// Gives a hash of what a node holds of every layer of the map.
-fn map_hash(digest: &Digest) -> u64 {
-    let words = digest.layers.iter().flat_map(|layer| {
-        let (vehicle, boot) = (u64::from(layer.layer.vehicle.0), u64::from(layer.layer.boot.0));
-        [vehicle, boot, u64::from(layer.tiles), layer.hash]
-    });
-    hash(words)
 }

@@ -1,5 +1,6 @@
 //! The world in virtual time: kernel, bodies, simulated drivers, radio field, bus.
 
+mod air;
 pub mod body;
 pub mod bus;
 pub mod contact;
@@ -12,9 +13,11 @@ pub mod queue;
 pub mod radio_field;
 pub mod range;
 mod scenario;
+mod script;
 mod world;
 
-pub use kernel::{EMPTY_RUN, RUN, Status};
+pub use kernel::Status;
 pub use outcome::{Counts, Found, Outcome};
 pub use scenario::{RunError, Scenario, ScenarioError};
+pub use script::{EMPTY_RUN, RUN};
 pub use world::Collision;

@@ -3,6 +3,7 @@
 //! since the command that laid the phases.
 
 use crate::geom::{Angle, Point, Vector};
+use crate::plan::stopping_distance_m;
 
 /// What a vehicle's drive can do.
 #[derive(Clone, Copy, PartialEq, Debug)]
@@ -27,7 +28,7 @@ impl Limits {
 
     /// Gives the way needed to brake from a speed to rest, metres.
     pub fn stopping_distance_m(&self, speed_mps: f64) -> f64 {
-        speed_mps * speed_mps / (2.0 * self.braking_mps2)
+        stopping_distance_m(speed_mps, 0.0, self.braking_mps2)
     }
 }
 

@@ -15,10 +15,8 @@ pub enum Purpose {
     PoseX,
     /// Error of a vehicle's pose, along y.
     PoseY,
-    /// Error of a vehicle's heading.
-    Heading,
-    /// Error of a range reading.
-    Range,
+    /// Error of a range reading. (Number 2 is free.)
+    Range = 3,
     /// Directions and phases of the waves of the radio field.
     RadioField,
     /// Strength of one radio packet.
@@ -37,8 +35,6 @@ pub enum Purpose {
     Placement,
     /// When the nodes of a scenario start.
     Start,
-    /// What goes wrong, and when.
-    Fault,
 }
 
 /// The noise of one seed.

@@ -1,9 +1,9 @@
 //! What a run leaves behind: facts for pictures, files and tests. Nothing here is written anywhere.
 
-use tomoswarm_proto::{RunId, VehicleId};
+use tomoswarm_proto::VehicleId;
 
-use super::kernel::{EMPTY_RUN, RUN};
 use super::log::{Log, image_hash};
+use super::script::RUN;
 use super::world::Collision;
 use crate::geom::Point;
 use crate::ground::imager::{Picture, Subject};
@@ -40,7 +40,6 @@ pub(super) struct Recorder {
     pub tracks: Vec<(VehicleId, Vec<Point>)>,
     pub pictures: Vec<Picture>,
     pub sweep_done: bool,
-    pub empty_done: bool,
     pub failure: Option<String>,
 }
 
@@ -52,7 +51,6 @@ impl Recorder {
             tracks: ids.iter().map(|id| (*id, Vec::new())).collect(),
             pictures: Vec::new(),
             sweep_done: false,
-            empty_done: false,
             failure: None,
         }
     }
@@ -150,11 +148,6 @@ impl Outcome {
         pictures.remove(index).result.ok()
     }
 
-    /// Gives the runs of a scenario: the empty one and the main one.
-    pub fn runs() -> (RunId, RunId) {
-        (EMPTY_RUN, RUN)
-    }
-
     /// Gives the objects found in the picture of changes, strongest first.
     pub fn found(&self) -> Vec<Found> {
         let Some(change) = &self.change else { return Vec::new() };
@@ -170,13 +163,5 @@ impl Outcome {
     fn find(&self, peak: &Peak) -> Found {
         let distances = self.persons.iter().map(|person| person.at.distance_to(peak.at));
         Found { at: peak.at, strength: peak.strength, error_m: distances.min_by(f64::total_cmp) }
-    }
-
-    /// Tells whether every person was found within a distance.
-    pub fn all_found_within(&self, distance_m: f64) -> bool {
-        let found = self.found();
-        self.persons
-            .iter()
-            .all(|person| found.iter().any(|find| find.at.distance_to(person.at) <= distance_m))
     }
 }

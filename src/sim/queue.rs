@@ -44,11 +44,6 @@ impl<E> EventQueue<E> {
         self.heap.pop().map(|entry| (entry.at, entry.event))
     }
 
-    /// Gives the moment of the earliest event.
-    pub fn next_at(&self) -> Option<Time> {
-        self.heap.peek().map(|entry| entry.at)
-    }
-
     /// Gives the number of events still to come.
     pub fn len(&self) -> usize {
         self.heap.len()
@@ -121,7 +116,6 @@ mod tests {
                 queue.push(Time::from_nanos(*nanos), index);
             }
             prop_assert_eq!(queue.len(), times.len());
-            prop_assert_eq!(queue.next_at(), times.iter().min().map(|nanos| Time::from_nanos(*nanos)));
             let got = drain(&mut queue);
             prop_assert!(queue.is_empty());
             for (at, index) in &got {

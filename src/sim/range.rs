@@ -3,8 +3,13 @@
 //!
 //! The cone is flat (a fan of rays at the sensor's height) and there is no crosstalk between sensors.
 
+use std::time::Duration;
+
 use super::noise::{Noise, Purpose};
 use crate::geom::{Angle, Point, Vector};
+
+/// Speed of sound, m/s.
+const SOUND_MPS: f64 = 343.0;
 
 /// What a sensor can do.
 #[derive(Clone, Copy, PartialEq, Debug)]
@@ -86,6 +91,11 @@ impl RangeSensor {
     /// Gives what the sensor can do.
     pub fn model(&self) -> &RangeModel {
         &self.model
+    }
+
+    /// Gives how long it takes until an echo from `range_m` is heard, or until none is waited for any longer.
+    pub fn takes(&self, range_m: Option<f64>) -> Duration {
+        Duration::from_secs_f64(2.0 * range_m.unwrap_or(self.model.max_m) / SOUND_MPS)
     }
 
     /// Gives the distance read from a place when looking along `beam`, metres, or `None` without an
@@ -207,6 +217,14 @@ mod tests {
         // The ray nearest to the normal, 7.5° of the 30°: 2 m cos 30° / cos 22.5°.
         let expected = 2.0 * 30f64.to_radians().cos() / 22.5f64.to_radians().cos();
         assert!((read(model(), &wall(2.0, 30.0), &[]).unwrap() - expected).abs() < 1e-9);
+    }
+
+    #[test]
+    fn without_an_echo_the_sensor_waits_for_its_farthest_one() {
+        let far = RangeSensor::new(RangeModel { max_m: 8.0, ..model() });
+        let seconds_s = |range_m| far.takes(range_m).as_secs_f64();
+        assert!((seconds_s(None) - 16.0 / 343.0).abs() < 1e-6);
+        assert!((seconds_s(Some(3.43)) - 0.02).abs() < 1e-6);
     }
 
     #[test]

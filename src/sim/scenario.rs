@@ -5,30 +5,27 @@ use std::time::Duration;
 use tomoswarm_proto::{Boot, Lease, VehicleId};
 
 use super::body::Limits;
-use super::bus::{Bus, BusModel, Partition};
-use super::kernel::{EMPTY_RUN, Kernel, Parts, RUN, Status};
+use super::bus::{Bus, BusModel};
+use super::kernel::{Kernel, Parts, Status};
 use super::noise::{Noise, Purpose};
 use super::outcome::Outcome;
 use super::radio_field::{RadioConstants, RadioField};
 use super::range::{RangeModel, RangeSensor};
+use super::script::{EMPTY_RUN, RUN, Script};
 use super::world::{Build, Stage, World};
 use crate::actor::Fault;
-use crate::config::{self, Planner as PlannerName, Sim, Solver as SolverName, Weights};
-use crate::geom::{Angle, Lattice, PixelGrid, Point};
-use crate::ground::GroundNode;
-use crate::ground::imager::{Imager, Subject};
-use crate::ground::planner::{Method, Planner};
-use crate::ground::station::{Station, StationSettings};
-use crate::node::{
-    BodySettings, LookSettings, RadioSettings, SafetySettings, Settings as NodeSettings, VehicleNode,
-};
-use crate::plan::Sight;
+use crate::config::{self, Sim};
+use crate::geom::Point;
+use crate::ground::imager::Subject;
+use crate::ground::planner::Method;
+use crate::ground::{GroundNode, from_config};
+use crate::node::{Settings as NodeSettings, VehicleNode};
 use crate::scene::{
     Attenuation, Footprint, Material, Person, Post, Scene, SceneError, SceneParts, VrmlShape,
 };
 use crate::sweep::{Ring, SweepError};
 use crate::time::Time;
-use crate::tomo::{self, Prior, SPOT_M, Settings as ImageSettings, Solver, TomoError, WeightModel};
+use crate::tomo::{Settings as ImageSettings, TomoError};
 
 /// Tries to place a person before the scene is held to be too full.
 const PLACING_TRIES: u64 = 10_000;
@@ -116,14 +113,7 @@ impl Scenario {
 
     /// Gives the planner of the sweep.
     pub fn method(&self) -> Method {
-        let laps = self.sim.sweep.laps;
-        match self.sim.sweep.planner {
-            PlannerName::RotatingGap => Method::RotatingGap { laps },
-            PlannerName::Fan => {
-                let (dwell, dwell_limit) = (self.sim.sweep.dwell, self.sim.sweep.dwell_limit);
-                Method::Fan { rounds: laps, dwell, dwell_limit }
-            }
-        }
+        from_config::method(&self.sim.sweep)
     }
 
     fn scene(&self, persons: &[Person]) -> Result<Scene, SceneError> {
@@ -205,7 +195,7 @@ impl Scenario {
             self.build(),
             sim.venue.fence.clone(),
             noise,
-            RadioField::new(noise, self.radio()),
+            RadioField::new(noise, radio_constants(&sim.radio)),
             RangeSensor::new(self.range()),
         );
         let mut vehicles = Vec::new();
@@ -213,7 +203,7 @@ impl Scenario {
             let Some(home) = sim.home(vehicle) else { continue };
             let heading = home.angle_to(sim.venue.area.centre());
             world.place(vehicle, home, heading).map_err(|reason| ScenarioError::Body { vehicle, reason })?;
-            vehicles.push(VehicleNode::new(&self.node(vehicle, home)));
+            vehicles.push(VehicleNode::new(&NodeSettings::from_config(sim, vehicle, Boot(1), home)));
         }
         Ok(Parts {
             noise,
@@ -221,8 +211,7 @@ impl Scenario {
             bus: Bus::new(noise, self.bus()),
             vehicles,
             ground: self.ground()?,
-            populated: second,
-            end: sim.end,
+            script: Script::new(second, sim.end, sim.vehicles.count),
             until: Time::ZERO + sim.until,
             shuffle_ties: self.shuffle_ties,
         })
@@ -245,20 +234,6 @@ impl Scenario {
         }
     }
 
-    fn radio(&self) -> RadioConstants {
-        let radio = &self.sim.radio;
-        RadioConstants {
-            // P0 holds for the configured transmit power, the field adds the power of each beacon.
-            p0_dbm: radio.p0_dbm - f64::from(radio.power_dbm),
-            exponent: radio.exponent,
-            wavelength_m: radio.wavelength_m(),
-            rician_k: radio.rician_k,
-            packet_sd_db: radio.packet_sd_db,
-            sensitivity_dbm: radio.sensitivity_dbm,
-            slope_db: radio.sensitivity_slope_db,
-        }
-    }
-
     fn range(&self) -> RangeModel {
         let range = &self.sim.range;
         RangeModel {
@@ -273,122 +248,29 @@ impl Scenario {
 
     fn bus(&self) -> BusModel {
         let bus = &self.sim.bus;
-        let cut = |cut: &config::Partition| Partition {
-            from: cut.from,
-            until: cut.until,
-            sides: cut.sides.clone(),
-        };
         BusModel {
             delay: bus.delay,
             jitter: bus.jitter,
             drop_share: bus.drop_share,
             duplicate_share: bus.duplicate_share,
-            partitions: bus.partitions.iter().map(cut).collect(),
-        }
-    }
-
-    fn lattice(&self) -> Lattice {
-        Lattice::new(self.sim.venue.cell_m)
-    }
-
-    /// Gives the speed to drive at: at most what sensor, scan period and braking allow.
-    fn cruise_mps(&self) -> f64 {
-        let (vehicles, range, safety) = (&self.sim.vehicles, &self.sim.range, &self.sim.safety);
-        let corridor_m = vehicles.radius_m + safety.padding_m + 2.0 * vehicles.pose_sd_m;
-        let sight = Sight {
-            range_m: range.sure_range_m,
-            margin_m: corridor_m + self.sim.venue.cell_m * std::f64::consts::FRAC_1_SQRT_2,
-            scan_period_s: range.look_cycle().as_secs_f64(),
-            latency_s: range.scan_period.as_secs_f64(),
-            braking_mps2: vehicles.braking_mps2,
-        };
-        // The file's check has refused what leaves no room; a speed that is too high is lowered here.
-        sight
-            .highest_speed_mps()
-            .map_or(vehicles.max_speed_mps, |highest| highest.min(vehicles.max_speed_mps))
-    }
-
-    fn node(&self, vehicle: VehicleId, home: Point) -> NodeSettings {
-        let (sim, range) = (&self.sim, &self.sim.range);
-        NodeSettings {
-            vehicle,
-            boot: Boot(1),
-            fence: sim.venue.fence.clone(),
-            home,
-            lattice: self.lattice(),
-            slice: 0,
-            body: BodySettings {
-                radius_m: sim.vehicles.radius_m,
-                speed_mps: self.cruise_mps(),
-                braking_mps2: sim.vehicles.braking_mps2,
-            },
-            look: LookSettings {
-                beams: range.beams.clone(),
-                half_angle: Angle::from_radians(range.half_angle_rad),
-                min_range_m: range.min_range_m,
-                max_range_m: range.max_range_m,
-                sure_range_m: range.sure_range_m,
-                period: range.scan_period,
-                settle: range.settle,
-            },
-            radio: RadioSettings {
-                channel: sim.radio.channel,
-                power_dbm: sim.radio.power_dbm,
-                slot: sim.radio.slot,
-            },
-            safety: SafetySettings {
-                padding_m: sim.safety.padding_m,
-                separation_m: sim.safety.separation_m,
-                pose_sd_max_m: sim.safety.pose_sd_max_m,
-            },
-            path_time: sim.durations.route,
+            partitions: bus.partitions.clone(),
         }
     }
 
     fn ground(&self) -> Result<GroundNode, ScenarioError> {
-        let sim = &self.sim;
-        let station = Station::new(StationSettings {
-            vehicles: sim.vehicle_ids().collect(),
-            lease: Lease { number: 1, holder: self.noise.hash(Purpose::Start, &[u64::MAX]) },
-            store: self.noise.hash(Purpose::Start, &[u64::MAX - 1]),
-            lattice: self.lattice(),
-            bin_m: sim.imaging.bin_m,
-            spot_m: SPOT_M,
-        });
-        let method = self.method();
-        let planner = Planner::new(self.ring.clone(), method, sim.safety.separation_m, sim.durations.planner);
-        let (change, structure) = (self.image(Subject::Change), self.image(Subject::Structure));
-        let imager = Imager::new(change, structure, sim.durations.imager)?;
-        Ok(GroundNode::new(station, planner, imager))
+        let draw = |id: u64| self.noise.hash(Purpose::Start, &[id]);
+        let lease = Lease { number: 1, holder: draw(u64::MAX) };
+        Ok(from_config::ground_node(&self.sim, self.ring.clone(), lease, draw(u64::MAX - 1))?)
     }
 
     /// Gives how an image is made of a subject.
     pub fn image(&self, subject: Subject) -> ImageSettings {
-        let (imaging, area) = (&self.sim.imaging, self.sim.venue.area);
-        let mut settings = ImageSettings::for_area(area);
-        settings.grid = PixelGrid { area, columns: imaging.columns, rows: imaging.rows };
-        settings.shortest_link_m = imaging.min_link_m;
-        settings.pairing_m = imaging.bin_m;
-        settings.noise.sensitivity_dbm = self.sim.radio.sensitivity_dbm;
-        settings.peaks.rim_m = imaging.rim_m;
-        settings.peaks.limit = imaging.peaks;
-        settings.peaks.separation_m = imaging.peak_separation_m;
-        settings.weights = match imaging.weights {
-            Weights::Line => WeightModel::Line,
-            Weights::Ellipse => WeightModel::Ellipse { width_m: imaging.width_m },
-            Weights::InverseArea => WeightModel::InverseArea { width_m: imaging.width_m },
-        };
-        let prior = match subject {
-            Subject::Change => imaging.prior,
-            Subject::Structure => imaging.structure_prior,
-        };
-        let sigma = prior.sigma_db_per_m;
-        let prior = Prior { variance: sigma * sigma, length_m: prior.correlation_length_m };
-        settings.solver = match imaging.solver {
-            SolverName::Map => Solver::Map(prior, tomo::MapSettings::default()),
-            SolverName::Tikhonov => ImageSettings::tikhonov_for(area),
-        };
-        settings
+        from_config::image_settings(
+            &self.sim.imaging,
+            self.sim.venue.area,
+            self.sim.radio.sensitivity_dbm,
+            subject,
+        )
     }
 
     fn outcome(&self, kernel: Kernel) -> Result<Outcome, ScenarioError> {
@@ -438,6 +320,18 @@ impl From<SceneError> for RunError {
     }
 }
 
+fn radio_constants(radio: &config::Radio) -> RadioConstants {
+    RadioConstants {
+        p0_dbm: radio.p0_dbm,
+        exponent: radio.exponent,
+        wavelength_m: radio.wavelength_m(),
+        rician_k: radio.rician_k,
+        packet_sd_db: radio.packet_sd_db,
+        sensitivity_dbm: radio.sensitivity_dbm,
+        slope_db: radio.sensitivity_slope_db,
+    }
+}
+
 fn material(material: config::Material) -> Material {
     Material { db_per_m: material.db_per_m, db_per_crossing: material.db_per_crossing }
 }
@@ -460,5 +354,33 @@ fn person(person: &config::Person) -> Person {
         radius_m: person.radius_m,
         height_m: person.height_m,
         db_per_m: person.db_per_m,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::radio_field::Transmission;
+    use super::*;
+    use crate::config::bundled;
+
+    /// The mean strength at 1 m without fading, for a power in the file.
+    fn strength_dbm(power_dbm: i8) -> f64 {
+        let text = format!(
+            "kind = \"sim\"\nvenue = \"courtyard.venue.toml\"\nscene = \"../scenes/courtyard.scene.toml\"\n\
+             [radio]\np0_dbm = -40\nrician_k = 1e6\npower_dbm = {power_dbm}\n"
+        );
+        let sim = config::read_sim("configs/a.toml", &text, None, &mut |path| bundled::load(path)).unwrap();
+        let field = RadioField::new(Noise::new(1), radio_constants(&sim.radio));
+        let (channel, power_dbm) = (sim.radio.channel, sim.radio.power_dbm);
+        let packet =
+            Transmission { from: Point::new(0.0, 0.0), to: Point::new(1.0, 0.0), channel, power_dbm };
+        field.mean_dbm(&packet, 0.0)
+    }
+
+    #[test]
+    fn more_power_is_heard_more_strongly() {
+        assert!((strength_dbm(0) + 40.0).abs() < 0.1);
+        assert!((strength_dbm(10) + 30.0).abs() < 0.1);
+        assert!((strength_dbm(-20) + 60.0).abs() < 0.1);
     }
 }

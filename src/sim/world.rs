@@ -8,6 +8,7 @@ use std::time::Duration;
 
 use tomoswarm_proto::VehicleId;
 
+use super::air::Sent;
 use super::body::{Body, BodyState, Limits};
 use super::contact::{closest_approach, first_contact_of};
 use super::noise::{Noise, Purpose};
@@ -283,18 +284,21 @@ impl World {
         self.sensor.echo(origin, truth.heading + beam, around, &self.noise, &ids)
     }
 
-    /// Gives how strongly a beacon is heard, dBm; `None` when it is lost.
-    pub fn received_dbm(
-        &self,
-        from: Point,
-        to: usize,
-        now: Time,
-        radio: (u8, i8),
-        ids: &[u64],
-    ) -> Option<i16> {
-        let to = self.rovers[to].body.pose_at(now).at;
+    /// Gives what the range sensor reads, and after which time.
+    pub fn echo(&self, vehicle: usize, now: Time, beam: Angle, number: u64) -> (Option<f64>, Duration) {
+        let range_m = self.range_m(vehicle, now, beam, number);
+        (range_m, self.sensor.takes(range_m))
+    }
+
+    /// Gives how strongly a beacon is heard, dBm; `None` when it is lost. Packet noise depends on the beacon
+    /// and the receiver alone.
+    pub fn received_dbm(&self, sent: &Sent, to: usize, now: Time) -> Option<i16> {
+        let receiver = &self.rovers[to];
+        let (from, to) = (sent.place, receiver.body.pose_at(now).at);
         let attenuation_db = self.stage.attenuation.between(from, to);
-        let (channel, power_dbm) = radio;
-        self.field.received(&Transmission { from, to, channel, power_dbm }, attenuation_db, ids)
+        let [sender, boot, sequence] = sent.key;
+        let ids = [sender, boot, sequence, u64::from(receiver.id.0)];
+        let (channel, power_dbm) = (sent.channel, sent.power_dbm);
+        self.field.received(&Transmission { from, to, channel, power_dbm }, attenuation_db, &ids)
     }
 }

@@ -25,7 +25,7 @@ pub use fan::{FanRequest, fan};
 pub use follower::Follower;
 pub use precedence::{order_legs, tracks_of, validate};
 pub use ring::{MAX_POSITIONS, MIN_POSITIONS, Ring, Side};
-pub use rotating_gap::{GapRequest, default_laps, gap_of_lap, rotating_gap};
+pub use rotating_gap::{GapRequest, default_laps, rotating_gap};
 pub use schedule::{Lap, Schedule, Sweep, expected_duration_s, has_done};
 pub use separation::check_separation;
 pub use succession::{Phase, Succession};

@@ -81,6 +81,7 @@ impl Ring {
     }
 
     /// Gives the number of steps between two positions, the shorter way round.
+    #[cfg(test)]
     pub fn steps_between(&self, one: usize, other: usize) -> usize {
         self.steps_ahead(one, other).min(self.steps_ahead(other, one))
     }
@@ -100,6 +101,7 @@ impl Ring {
     }
 
     /// Tells whether two positions lie on a common side, so that the link between them runs along it.
+    #[cfg(test)]
     pub fn share_a_side(&self, one: usize, other: usize) -> bool {
         let sides = self.sides(other);
         self.sides(one).iter().any(|side| sides.contains(side))

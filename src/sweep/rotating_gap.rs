@@ -49,12 +49,6 @@ pub fn default_laps(positions: usize, vehicles: usize) -> usize {
     shifts(positions, vehicles).len().min(longest)
 }
 
-/// Gives the gap between neighbours in a lap, steps (for more than two vehicles within one step).
-pub fn gap_of_lap(positions: usize, vehicles: usize, lap: usize) -> usize {
-    let offsets = offsets(positions, vehicles, lap);
-    offsets.get(1).and_then(|gap| usize::try_from(*gap).ok()).unwrap_or(0)
-}
-
 /// The shifts that keep even gaps at 4 steps or more, scaled to the ring.
 fn shifts(positions: usize, vehicles: usize) -> Vec<i64> {
     let largest = (positions / vehicles.max(1)) as i64 - MIN_GAP;

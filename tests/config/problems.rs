@@ -323,15 +323,37 @@ fn a_vehicle_that_cannot_look_before_it_drives_is_refused() {
     check_sim(
         "[vehicles]\nmax_speed_mps = 3\n",
         &[
-            "configs/a.toml:5: vehicles.max_speed_mps = 3: the vehicle cannot look before it drives: in one look cycle of 0.50 s and while braking it covers 6.00 m, but only 2.65 m are surely seen ahead (sure_range_m less radius_m and padding_m); lower max_speed_mps, brake harder, scan faster or with fewer beams, or see farther",
+            "configs/a.toml:5: vehicles.max_speed_mps = 3: the vehicle cannot look before it drives: 3 m/s needs 6.30 m to stop, but only 2.41 m are surely seen ahead: it would outrun its looks above 1.675 m/s; lower max_speed_mps, brake harder, scan faster or with fewer beams, or see farther",
         ],
     );
     check_sim(
-        "[range]\nscan_period_s = 1.1\n",
+        "[range]\nscan_period_s = 1.2\n",
         &[
-            "configs/a.toml:1: vehicles.max_speed_mps = 0.5 (the default): the vehicle cannot look before it drives: in one look cycle of 5.50 s and while braking it covers 2.88 m, but only 2.65 m are surely seen ahead (sure_range_m less radius_m and padding_m); lower max_speed_mps, brake harder, scan faster or with fewer beams, or see farther",
+            "configs/a.toml:1: vehicles.max_speed_mps = 0.5 (the default): the vehicle cannot look before it drives: 0.5 m/s needs 3.73 m to stop, but only 2.41 m are surely seen ahead: it would outrun its looks above 0.327 m/s; lower max_speed_mps, brake harder, scan faster or with fewer beams, or see farther",
         ],
     );
+}
+
+#[test]
+fn a_vehicle_that_sees_nothing_beyond_its_own_margins_is_refused() {
+    check_sim(
+        "[range]\nsure_range_m = 0.5\n",
+        &[
+            "configs/a.toml:5: range.sure_range_m = 0.5: the vehicle cannot look before it drives: a sure range of 0.5 m leaves nothing to drive in beyond a margin of 0.59 m; see farther, or lower radius_m, padding_m, pose_sd_m or cell_m",
+        ],
+    );
+}
+
+#[test]
+fn the_speed_limit_counts_the_deviation_of_the_place_the_cell_and_the_handling_of_a_look() {
+    // 0.5 m/s for five looks and one reading more, and braking: 0.425 m. The margin is 0.25 + 0.1 m, twice 0.05 m,
+    // and half the diagonal of a cell of 0.2 m: 0.591 m. Together 1.016 m.
+    let is_refused =
+        |lines: &str| !problems_of("configs/a.toml", &format!("{SIM}{lines}")).starts_with("accepted");
+    assert!(is_refused("[range]\nsure_range_m = 1.01\n"));
+    assert!(!is_refused("[range]\nsure_range_m = 1.02\n"));
+    assert!(is_refused("[vehicles]\npose_sd_m = 0.06\n[range]\nsure_range_m = 1.02\n"));
+    assert!(is_refused("[range]\nsure_range_m = 1.02\nscan_period_s = 0.11\n"));
 }
 
 #[test]
@@ -440,4 +462,18 @@ fn a_long_or_multi_line_value_is_shown_on_one_short_line() {
     let shown = problems_of("configs/a.toml", &format!("{SIM}{long}"));
     assert_eq!(shown.lines().count(), 1);
     assert!(shown.len() < 200, "{shown}");
+}
+
+#[test]
+fn a_fan_may_have_a_round_for_every_position_and_a_rotating_gap_64_laps() {
+    let said = |lines: &str| problems_of("configs/a.toml", &format!("{SIM}[sweep]\n{lines}"));
+    assert!(said("planner = \"fan\"\nlaps = 76\n").starts_with("accepted"));
+    assert_eq!(
+        said("planner = \"fan\"\nlaps = 77\n"),
+        "configs/a.toml:6: sweep.laps = 77: is out of range; a whole number from 1 to 76 is allowed"
+    );
+    assert_eq!(
+        said("laps = 65\n"),
+        "configs/a.toml:5: sweep.laps = 65: is out of range; a whole number from 1 to 64 is allowed"
+    );
 }

@@ -1,0 +1,200 @@
+//! What happens in a scenario by itself: when sweeps are wished, when the persons enter, when everybody is
+//! sent home, and when the run is over or has failed. It carries nothing out: the kernel does.
+
+use std::time::Duration;
+
+use tomoswarm_proto::RunId;
+
+use super::world::Stage;
+use crate::config::End;
+use crate::ground::imager::Subject;
+use crate::ground::station::Note as GroundNote;
+
+/// The first sweep of a scenario, with nobody inside; without an empty sweep it is not driven.
+pub const EMPTY_RUN: RunId = RunId(1);
+/// The sweep whose picture is wanted.
+pub const RUN: RunId = RunId(2);
+
+/// The operator begins the first sweep after this time.
+const BEGIN_AT: Duration = Duration::from_secs(2);
+/// Between two sweeps people need this long to walk in.
+const ENTER_TAKES: Duration = Duration::from_secs(2);
+/// After the last picture nothing is waited for any longer than this.
+const HOME_WITHIN: Duration = Duration::from_secs(900);
+
+/// A step of the script.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub enum Step {
+    /// The empty sweep begins.
+    BeginFirst,
+    /// The persons walk in.
+    PeopleEnter,
+    /// The sweep whose picture is wanted begins.
+    BeginMain,
+    /// Everybody is sent home.
+    ReturnHome,
+    /// Who is not home by now is not waited for.
+    GiveUpWaiting,
+}
+
+/// What is to be done in a step.
+pub enum Act {
+    /// The operator wishes a sweep.
+    Sweep {
+        /// Its name.
+        run: RunId,
+        /// The sweep that it is compared with.
+        empty: Option<RunId>,
+    },
+    /// The world changes.
+    Enter(Option<Box<Stage>>),
+    /// The operator orders everybody home.
+    ReturnHome,
+    /// The run has failed.
+    Fail(String),
+}
+
+/// What follows from something that has happened.
+#[derive(Clone, PartialEq, Debug)]
+pub enum Next {
+    /// Nothing.
+    Nothing,
+    /// A step, so much later.
+    Step(Duration, Step),
+    /// The run is over.
+    End,
+    /// The run is over and has failed.
+    Fail(String),
+}
+
+/// How far the script is.
+pub struct Script {
+    /// The stage with everybody in it, while they wait outside.
+    outside: Option<Box<Stage>>,
+    end: End,
+    vehicles: usize,
+    homes: usize,
+    empty: Option<RunId>,
+    sweep_done: bool,
+}
+
+impl Script {
+    /// Makes the script of a scenario; with a stage given a sweep comes first, before it is set.
+    pub fn new(outside: Option<Stage>, end: End, vehicles: usize) -> Script {
+        Script { outside: outside.map(Box::new), end, vehicles, homes: 0, empty: None, sweep_done: false }
+    }
+
+    /// Gives the first step.
+    pub fn first(&self) -> (Duration, Step) {
+        (BEGIN_AT, if self.outside.is_some() { Step::BeginFirst } else { Step::BeginMain })
+    }
+
+    /// Gives how many sweeps are still to be driven, the present one included.
+    pub fn sweeps_left(&self) -> usize {
+        if self.outside.is_some() { 2 } else { 1 }
+    }
+
+    /// Tells whether the sweep whose picture is wanted is done.
+    pub fn is_sweep_done(&self) -> bool {
+        self.sweep_done
+    }
+
+    /// Takes a step: gives what is to be done, and then what follows.
+    pub fn step(&mut self, step: Step) -> (Act, Next) {
+        match step {
+            Step::BeginFirst => (Act::Sweep { run: EMPTY_RUN, empty: None }, Next::Nothing),
+            Step::PeopleEnter => {
+                self.empty = Some(EMPTY_RUN);
+                (Act::Enter(self.outside.take()), Next::Step(ENTER_TAKES, Step::BeginMain))
+            }
+            Step::BeginMain => (Act::Sweep { run: RUN, empty: self.empty }, Next::Nothing),
+            Step::ReturnHome => (Act::ReturnHome, Next::Step(HOME_WITHIN, Step::GiveUpWaiting)),
+            Step::GiveUpWaiting => (Act::Fail("not everybody came home in time".to_owned()), Next::Nothing),
+        }
+    }
+
+    /// Gives what follows from a note of the ground station.
+    pub fn hear(&mut self, note: &GroundNote) -> Next {
+        match note {
+            GroundNote::RunClosed { run, .. } if *run == EMPTY_RUN => {
+                Next::Step(ENTER_TAKES, Step::PeopleEnter)
+            }
+            GroundNote::RunClosed { .. } => {
+                self.sweep_done = true;
+                Next::Nothing
+            }
+            GroundNote::NoPlan(reason) => Next::Fail(reason.clone()),
+            GroundNote::Stalled(run) => {
+                Next::Fail(format!("sweep {run} cannot be ended: no vehicle gets on"))
+            }
+            GroundNote::Planned { .. } | GroundNote::LapDone { .. } | GroundNote::Replans(_) => Next::Nothing,
+        }
+    }
+
+    /// Gives what follows from a picture: the last one of the main run ends the run, or sends everybody home.
+    pub fn picture(&self, run: RunId, subject: Subject) -> Next {
+        if !self.sweep_done || run != RUN || subject != Subject::Structure {
+            return Next::Nothing;
+        }
+        match self.end {
+            End::Hold => Next::End,
+            End::Return => Next::Step(Duration::ZERO, Step::ReturnHome),
+        }
+    }
+
+    /// Gives what follows from one more vehicle that came home.
+    pub fn came_home(&mut self) -> Next {
+        self.homes += 1;
+        if self.homes == self.vehicles { Next::End } else { Next::Nothing }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn closed(run: RunId) -> GroundNote {
+        GroundNote::RunClosed { run, links: 1, samples: 1 }
+    }
+
+    #[test]
+    fn without_an_empty_sweep_the_main_one_begins_and_compares_with_nothing() {
+        let mut script = Script::new(None, End::Hold, 2);
+        assert_eq!(script.first().1, Step::BeginMain);
+        let (act, next) = script.step(Step::BeginMain);
+        assert!(matches!(act, Act::Sweep { run: RUN, empty: None }));
+        assert_eq!(next, Next::Nothing);
+    }
+
+    #[test]
+    fn the_main_sweep_compares_with_the_empty_one_that_was_driven() {
+        let mut script = Script::new(None, End::Hold, 2);
+        assert!(matches!(script.hear(&closed(EMPTY_RUN)), Next::Step(_, Step::PeopleEnter)));
+        assert!(!script.is_sweep_done());
+        assert!(matches!(script.step(Step::PeopleEnter).1, Next::Step(_, Step::BeginMain)));
+        assert!(matches!(script.step(Step::BeginMain).0, Act::Sweep { run: RUN, empty: Some(EMPTY_RUN) }));
+    }
+
+    #[test]
+    fn only_the_last_picture_of_a_closed_sweep_ends_the_run() {
+        for (end, last) in
+            [(End::Hold, Next::End), (End::Return, Next::Step(Duration::ZERO, Step::ReturnHome))]
+        {
+            let mut script = Script::new(None, end, 2);
+            assert_eq!(script.picture(RUN, Subject::Structure), Next::Nothing, "the sweep is not closed");
+            assert_eq!(script.hear(&closed(RUN)), Next::Nothing);
+            assert_eq!(script.picture(RUN, Subject::Change), Next::Nothing);
+            assert_eq!(script.picture(EMPTY_RUN, Subject::Structure), Next::Nothing);
+            assert_eq!(script.picture(RUN, Subject::Structure), last);
+        }
+    }
+
+    #[test]
+    fn the_run_ends_when_the_last_one_is_home_and_fails_when_nobody_gets_on() {
+        let mut script = Script::new(None, End::Return, 2);
+        assert_eq!(script.came_home(), Next::Nothing);
+        assert_eq!(script.came_home(), Next::End);
+        assert!(matches!(script.hear(&GroundNote::Stalled(RUN)), Next::Fail(_)));
+        assert!(matches!(script.step(Step::GiveUpWaiting).0, Act::Fail(_)));
+    }
+}
