@@ -2,7 +2,9 @@
 //!
 //! It is told telemetry, scans, commands of the mission, orders and the peers' states. It says what to
 //! fly, its own `State`, accepted orders, and remarks. It checks every command against the envelope
-//! (fence, speed, separation, age) and has the *reflex*: a scan nearer than the stopping distance halts the
+//! (a fresh and certain pose, a finite route that begins here, the fence, the peers, what made the reflex halt) and
+//! always drives at the configured speed. It judges the age of orders, not of commands: those come from inside this
+//! vehicle, and a new one replaces the unread one. It has the *reflex*: a scan nearer than the stopping distance halts the
 //! vehicle without map, plan or network. It does not plan and does not know the map.
 //!
 //! ```text
@@ -88,6 +90,8 @@ pub struct Vehicle {
     telemetry: Option<(Time, Telemetry)>,
     leg: Option<Leg>,
     halted: bool,
+    /// An order to hold or to land stands.
+    held: bool,
     emergency: bool,
     accepted: (RunId, Revision),
     ordered: (Lease, Revision),
@@ -114,6 +118,7 @@ impl Vehicle {
             telemetry: None,
             leg: None,
             halted: false,
+            held: false,
             emergency: false,
             accepted: Default::default(),
             ordered: Default::default(),
@@ -132,7 +137,7 @@ impl Vehicle {
         self.trim_leg(now, telemetry);
         self.sequence += 1;
         self.made.push_back((self.sequence, now));
-        if self.made.len() > 256 {
+        while self.made.front().is_some_and(|(_, at)| now.since(*at) > ORDER_AGE) {
             self.made.pop_front();
         }
         let state = self.state(telemetry);
@@ -186,6 +191,7 @@ impl Vehicle {
         match telemetry.motion {
             Motion::Driving => Mode::Driving,
             Motion::Turning => Mode::Turning,
+            Motion::Resting if self.held => Mode::Held,
             Motion::Resting if self.halted => Mode::Halted,
             Motion::Resting => Mode::Idle,
         }
@@ -214,8 +220,9 @@ impl Vehicle {
     fn check(&self, now: Time, command: &Command) -> Result<(), Refusal> {
         let route = match command {
             Command::Hold => return Ok(()),
+            Command::Turn(heading) if !heading.radians().is_finite() => return Err(Refusal::NoRoute),
             Command::Turn(_) => None,
-            Command::Drive { route, .. } => Track::new(route.clone()),
+            Command::Drive { route, .. } => Some(track_of(route).ok_or(Refusal::NoRoute)?),
         };
         if self.emergency {
             return Err(Refusal::Emergency);
@@ -326,8 +333,9 @@ impl Vehicle {
                 self.emergency = true;
                 self.stop(now, out);
             }
-            OrderKind::Start => self.emergency = false,
-            OrderKind::Hold | OrderKind::Return | OrderKind::Land => {}
+            OrderKind::Start => (self.emergency, self.held) = (false, false),
+            OrderKind::Hold | OrderKind::Land => self.held = true,
+            OrderKind::Return => self.held = false,
         }
         out.push(Out::Order(order));
     }
@@ -349,6 +357,12 @@ impl Vehicle {
             self.peers.insert(state.vehicle, state);
         }
     }
+}
+
+/// Makes a track of a route that leads somewhere; `None` for fewer than two corners or one that is not finite.
+fn track_of(route: &[Point]) -> Option<Track> {
+    let finite = route.iter().all(|corner| corner.x_m.is_finite() && corner.y_m.is_finite());
+    (route.len() >= 2 && finite).then(|| Track::new(route.to_vec())).flatten()
 }
 
 impl Actor for Vehicle {
@@ -386,8 +400,8 @@ pub enum Key {
     Telemetry,
     /// The mission's command.
     Command,
-    /// Orders join by strength.
-    Order,
+    /// Orders to one vehicle join by strength; those to others are not obeyed, and replace none to this one.
+    Order(VehicleId),
     /// The state of one peer.
     Peer(VehicleId),
     /// The accepted plan.
@@ -402,7 +416,7 @@ impl Input for In {
             In::Telemetry(_) => Class::Latest(Key::Telemetry),
             In::Scan(_) => Class::Queue,
             In::Command(_) => Class::Latest(Key::Command),
-            In::Order(_) => Class::Latest(Key::Order),
+            In::Order(order) => Class::Latest(Key::Order(order.vehicle)),
             In::Peer(state) => Class::Latest(Key::Peer(state.vehicle)),
             In::Accepted(..) => Class::Latest(Key::Accepted),
         }

@@ -22,7 +22,8 @@ use std::collections::BTreeMap;
 use std::time::Duration;
 
 use tomoswarm_proto::{
-    Mode, Order, OrderKind, Plan, Progress, Revision, RunId, State, Stop, StopId, TileReport, VehicleId,
+    LayerId, Mode, Order, OrderKind, Plan, Progress, Revision, RunId, State, Stop, StopId, TileAddress,
+    TileReport, VehicleId,
 };
 
 use self::pilot::{Met, Pilot};
@@ -59,8 +60,8 @@ pub enum In {
     State(State),
     /// Where a peer is.
     Peer(State),
-    /// Tiles that changed.
-    Tiles(Vec<TileReport>),
+    /// A tile that changed.
+    Tile(TileReport),
     /// A plan, own or a peer's.
     Plan(Plan),
     /// How far a peer is.
@@ -437,7 +438,7 @@ impl Actor for Mission {
         match input {
             In::State(state) => self.state(now, state, out),
             In::Peer(state) => self.peer(now, &state),
-            In::Tiles(tiles) => self.pilot.learn(&tiles),
+            In::Tile(tile) => self.pilot.learn(&tile),
             In::Plan(plan) => self.plan(&plan, out),
             In::Progress(progress) => {
                 if let Some(follower) = &mut self.follower {
@@ -473,8 +474,14 @@ pub enum Key {
     State,
     /// The state of one peer.
     Peer(VehicleId),
+    /// A tile of a layer.
+    Tile(LayerId, TileAddress),
     /// The plan of one vehicle.
     Plan(VehicleId),
+    /// The progress of one vehicle.
+    Progress(VehicleId),
+    /// Accepted orders join by strength.
+    Order,
 }
 
 impl Input for In {
@@ -485,14 +492,24 @@ impl Input for In {
             In::State(_) => Class::Latest(Key::State),
             In::Peer(state) => Class::Latest(Key::Peer(state.vehicle)),
             In::Plan(plan) => Class::Latest(Key::Plan(plan.vehicle)),
-            In::Tiles(_) | In::Progress(_) | In::Order(_) | In::Remark(_) => Class::Queue,
+            In::Tile(tile) => Class::Latest(Key::Tile(tile.layer, tile.address)),
+            In::Progress(progress) => Class::Latest(Key::Progress(progress.vehicle)),
+            In::Order(_) => Class::Latest(Key::Order),
+            In::Remark(_) => Class::Queue,
         }
     }
 
     fn join(unread: In, newer: In) -> In {
         let edition = |plan: &Plan| (plan.run, plan.revision);
+        let step = |progress: &Progress| (progress.run, progress.revision, progress.done, progress.leg);
         match (unread, newer) {
             (In::Plan(unread), In::Plan(newer)) if edition(&unread) > edition(&newer) => In::Plan(unread),
+            // Tiles and progress may overtake each other: the higher revision stays.
+            (In::Tile(unread), In::Tile(newer)) if unread.revision > newer.revision => In::Tile(unread),
+            (In::Progress(unread), In::Progress(newer)) if step(&unread) > step(&newer) => {
+                In::Progress(unread)
+            }
+            (In::Order(unread), In::Order(newer)) => In::Order(vehicle::join_orders(unread, newer)),
             (_, newer) => newer,
         }
     }

@@ -138,12 +138,10 @@ impl Pilot {
         }
     }
 
-    /// Takes tiles of the map actor.
-    pub fn learn(&mut self, tiles: &[TileReport]) {
-        for tile in tiles {
-            // The map actor has checked them; one that is known already changes nothing.
-            let _ = self.map.join(tile);
-        }
+    /// Takes a tile of the map actor.
+    pub fn learn(&mut self, tile: &TileReport) {
+        // The map actor has checked it; one that is known already changes nothing.
+        let _ = self.map.join(tile);
     }
 
     /// Gives the way ahead.
