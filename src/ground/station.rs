@@ -48,6 +48,8 @@ const STALLED_AFTER: Duration = Duration::from_secs(420);
 const CLOSING: Duration = Duration::from_secs(3);
 /// Gaps in the samples are waited for at most this long.
 const CLOSING_MAX: Duration = Duration::from_secs(60);
+/// Wants sent for one digest.
+const WANTS: usize = 64;
 /// Tiles sent for one want.
 const REPAIR_TILES: usize = 16;
 
@@ -239,8 +241,8 @@ impl Station {
             Message::Samples(batch) => self.store(&batch),
             Message::Tile(report) => self.join(&report),
             Message::Digest(digest) => {
-                let wants = self.map.want(&digest);
-                out.extend(wants.into_iter().map(|want| Out::Publish(Message::Want(want))));
+                let wants = self.map.want(&digest).into_iter().take(WANTS);
+                out.extend(wants.map(|want| Out::Publish(Message::Want(want))));
             }
             Message::Want(want) => self.repair(&want, out),
             // Said by the ground itself, or the bus's and the radio's business.
@@ -548,6 +550,11 @@ impl Input for In {
 
     fn join(unread: In, newer: In) -> In {
         match (unread, newer) {
+            (In::Bus(Message::State(unread)), In::Bus(Message::State(newer)))
+                if (unread.boot, unread.sequence) > (newer.boot, newer.sequence) =>
+            {
+                In::Bus(Message::State(unread))
+            }
             // Tiles may overtake each other: the higher revision stays.
             (In::Bus(Message::Tile(unread)), In::Bus(Message::Tile(newer)))
                 if unread.revision > newer.revision =>

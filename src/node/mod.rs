@@ -6,6 +6,7 @@
 pub mod map;
 pub mod mission;
 pub mod outbox;
+mod peers;
 mod place;
 pub mod radio;
 pub mod route;

@@ -20,12 +20,13 @@
 mod orders;
 mod words;
 
-use std::collections::{BTreeMap, VecDeque};
+use std::collections::VecDeque;
 use std::time::Duration;
 
 use tomoswarm_proto::{Lease, LegReport, Mode, Order, OrderKind, Revision, RunId, State, VehicleId};
 
 use super::Settings;
+use super::peers::{Peer, Peers, join_states};
 use super::sensor::Scan;
 use crate::actor::{Actor, Class, Fault, Input};
 use crate::geom::{Point, Pose, Segment, Track};
@@ -99,7 +100,7 @@ pub struct Vehicle {
     /// When recent states were made, to judge the age of orders by.
     made: VecDeque<(u64, Time)>,
     published: Option<(Time, Mode)>,
-    peers: BTreeMap<VehicleId, State>,
+    peers: Peers,
     bumps: Vec<Bump>,
     silent_reported: bool,
 }
@@ -114,6 +115,7 @@ impl Vehicle {
     /// Makes the actor of a vehicle that has not yet heard its autopilot.
     pub fn new(settings: Settings) -> Vehicle {
         Vehicle {
+            peers: Peers::new(settings.vehicle),
             settings,
             telemetry: None,
             leg: None,
@@ -125,7 +127,6 @@ impl Vehicle {
             sequence: 0,
             made: VecDeque::new(),
             published: None,
-            peers: BTreeMap::new(),
             bumps: Vec::new(),
             silent_reported: false,
         }
@@ -252,19 +253,17 @@ impl Vehicle {
         if !self.bumps.iter().filter(|bump| bump.until > now).all(clear) {
             return Err(Refusal::Bump);
         }
-        for peer in self.peers.values() {
+        for (vehicle, peer) in self.peers.iter() {
             if !self.keeps_clear_of(route, pose, peer) {
-                return Err(Refusal::Separation(peer.vehicle));
+                return Err(Refusal::Separation(vehicle));
             }
         }
         Ok(())
     }
 
     /// Tells whether a route keeps its distance from a peer, or at least leads away from it.
-    fn keeps_clear_of(&self, route: &Track, pose: Pose, peer: &State) -> bool {
-        let place = Point::from(peer.pose.at);
-        let claimed = peer.leg.iter().flat_map(|leg| leg.route.iter().map(|corner| Point::from(*corner)));
-        let Some(claim) = Track::new(std::iter::once(place).chain(claimed).collect()) else { return true };
+    fn keeps_clear_of(&self, route: &Track, pose: Pose, peer: &Peer) -> bool {
+        let Some(claim) = Track::new(peer.claim.clone()) else { return true };
         let nearest_m = route.distance_to(&claim);
         if nearest_m >= self.settings.safety.separation_m {
             return true;
@@ -350,13 +349,6 @@ impl Vehicle {
             }
         }
     }
-
-    fn peer(&mut self, state: State) {
-        let newer = |known: &State| (state.boot, state.sequence) > (known.boot, known.sequence);
-        if state.vehicle != self.settings.vehicle && self.peers.get(&state.vehicle).is_none_or(newer) {
-            self.peers.insert(state.vehicle, state);
-        }
-    }
 }
 
 /// Makes a track of a route that leads somewhere; `None` for fewer than two corners or one that is not finite.
@@ -375,7 +367,7 @@ impl Actor for Vehicle {
             In::Scan(scan) => self.scan(now, &scan, out),
             In::Command(command) => self.command(now, command, out),
             In::Order(order) => self.order(now, order, out),
-            In::Peer(state) => self.peer(state),
+            In::Peer(state) => self.peers.take(now, &state),
             In::Accepted(run, revision) => self.accepted = (run, revision),
         }
         Ok(())
@@ -425,6 +417,7 @@ impl Input for In {
     fn join(unread: In, newer: In) -> In {
         match (unread, newer) {
             (In::Order(unread), In::Order(newer)) => In::Order(join_orders(unread, newer)),
+            (In::Peer(unread), In::Peer(newer)) => In::Peer(join_states(unread, newer)),
             (_, newer) => newer,
         }
     }

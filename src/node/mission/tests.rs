@@ -1,6 +1,6 @@
 //! What the mission actor does with plans, orders and what is in its way; its map is known free around the datum.
 
-use tomoswarm_proto::{Lease, Position, TILE_CELLS, TileAddress};
+use tomoswarm_proto::{Lease, Mode, Position, TILE_CELLS, TileAddress};
 
 use super::super::tests_support::{settings, state};
 use super::*;
@@ -139,7 +139,7 @@ fn the_way_home_waits_until_lower_ids_are_quiet() {
     told(&mut mission, 2.0, order(OrderKind::Return));
     let drives = |out: &Out| matches!(out, Out::Command(Command::Drive { .. }));
     assert_eq!(until(&mut mission, 2.0, 2.0, drives), None);
-    told(&mut mission, 70.0, In::Peer(state(1, 5.0, 5.0)));
+    told(&mut mission, 70.0, In::Peer(State { sequence: 2, ..state(1, 5.0, 5.0) }));
     assert!(until(&mut mission, 70.0, 2.0, drives).is_some());
 }
 
@@ -160,4 +160,40 @@ fn neither_an_order_nor_a_tile_is_lost_to_a_slow_mission() {
     let mut out = Vec::new();
     seat.act(at(2.0), |said| out.push(said)).unwrap();
     assert!(out.contains(&Out::Command(Command::Hold)), "{out:?}");
+}
+
+#[test]
+fn a_plan_out_of_the_fence_is_refused_once_and_the_old_one_followed() {
+    let mut mission = planned(None);
+    let out = told(&mut mission, 1.5, plan(3, &[(2.0, 0.0), (26.0, 0.0)]));
+    assert_eq!(out, [Out::Remark(Remark::Outside(Point::new(26.0, 0.0)))]);
+    assert_eq!(told(&mut mission, 6.5, plan(3, &[(2.0, 0.0), (26.0, 0.0)])), [], "repeated by the ground");
+    assert!(driven(&told(&mut mission, 7.0, order(OrderKind::Start))).is_some());
+}
+
+#[test]
+fn a_peer_whose_old_state_comes_late_is_still_driving() {
+    let mut mission = Mission::new(settings(2));
+    told(&mut mission, 1.0, In::State(state(2, 2.0, 0.0)));
+    for tile in tiles(None) {
+        told(&mut mission, 1.0, tile);
+    }
+    told(&mut mission, 1.0, In::Peer(State { mode: Mode::Driving, sequence: 9, ..state(1, 5.0, 5.0) }));
+    told(&mut mission, 1.1, In::Peer(State { sequence: 8, ..state(1, 5.0, 5.0) }));
+    told(&mut mission, 2.0, order(OrderKind::Return));
+    let drives = |out: &Out| matches!(out, Out::Command(Command::Drive { .. }));
+    assert_eq!(until(&mut mission, 4.0, 2.0, drives), None);
+}
+
+#[test]
+#[allow(clippy::disallowed_methods, reason = "the work itself is measured")]
+fn a_place_far_away_is_not_searched_for() {
+    let mut pilot = Pilot::new(settings(1));
+    let Some(In::Tile(tile)) = tiles(None).pop() else { panic!("a tile") };
+    pilot.learn(&tile);
+    let begin = std::time::Instant::now();
+    for _ in 0..20 {
+        assert!(!pilot.can_reach(at(1.0), &state(1, 0.0, 0.0), Point::new(9e5, 9e5)));
+    }
+    assert!(begin.elapsed() < Duration::from_secs(1), "{:?}", begin.elapsed());
 }
