@@ -9,6 +9,17 @@ pub const TILE_SIDE: usize = 32;
 /// Cells of a tile.
 pub const TILE_CELLS: usize = TILE_SIDE * TILE_SIDE;
 
+/// Layers of a digest at most; one a start of a vehicle's software.
+const LAYERS_MAX: usize = 256;
+/// Tiles of a want at most.
+const KNOWN_MAX: usize = 4096;
+/// Bytes of a software version at most.
+const SOFTWARE_MAX: usize = 256;
+/// Stops of a plan at most.
+const STOPS_MAX: usize = 4096;
+/// Corners of a route, or partners or stops waited for, at most.
+const LIST_MAX: usize = 1024;
+
 /// A place in the venue's local frame.
 #[derive(Clone, Copy, PartialEq, Debug, Default, Serialize, Deserialize)]
 pub struct Position {
@@ -331,17 +342,35 @@ impl Message {
             Message::State(state) => state.check(),
             Message::Tile(tile) if tile.cells.len() != TILE_CELLS => Err("a tile has 1024 cells"),
             Message::Plan(plan) => plan.check(),
-            Message::Samples(batch) => batch.samples.iter().try_for_each(Sample::check),
-            Message::Beacon(beacon) => beacon.pose.check(),
-            Message::Hello(_)
-            | Message::Tile(_)
-            | Message::Digest(_)
-            | Message::Want(_)
-            | Message::Progress(_)
-            | Message::Order(_)
-            | Message::Have(_) => Ok(()),
+            Message::Tile(_) => Ok(()),
+            Message::Samples(batch) => batch.check(),
+            Message::Beacon(beacon) => beacon.check(),
+            Message::Hello(hello) if hello.software.len() > SOFTWARE_MAX => {
+                Err("a version has at most 256 bytes")
+            }
+            Message::Hello(_) => Ok(()),
+            Message::Digest(digest) if digest.layers.len() > LAYERS_MAX => {
+                Err("a digest has at most 256 layers")
+            }
+            Message::Digest(_) => Ok(()),
+            Message::Want(want) if want.known.len() > KNOWN_MAX => Err("a want has at most 4096 tiles"),
+            Message::Want(_) => Ok(()),
+            Message::Progress(progress) => progress.check(),
+            Message::Order(order) => number(order.run.0).and(number(order.revision.0)),
+            Message::Have(have) => have.watermarks.iter().try_for_each(|mark| number(mark.run.0)),
         }
     }
+}
+
+/// Checks a number that others count on from: the last one is never given.
+fn number(number: u32) -> Result<(), &'static str> {
+    if number == u32::MAX { Err("a run, revision or stop is under 4294967295") } else { Ok(()) }
+}
+
+/// Checks members: each named once, ascending.
+fn ascending(members: &[VehicleId]) -> Result<(), &'static str> {
+    let sorted = members.windows(2).all(|pair| pair[0] < pair[1]);
+    if sorted { Ok(()) } else { Err("members are ascending, each named once") }
 }
 
 impl Position {
@@ -370,7 +399,8 @@ impl State {
         if !(0.0..=1.0).contains(&self.battery) {
             return Err("a battery is from 0 to 1");
         }
-        self.leg.iter().flat_map(|leg| &leg.route).try_for_each(Position::check)
+        number(self.accepted.0.0).and(number(self.accepted.1.0)).and(number(self.ordered.1.0))?;
+        check_route(self.leg.as_ref().map_or(&[], |leg| &leg.route))
     }
 }
 
@@ -380,10 +410,59 @@ impl Plan {
         if !self.members.contains(&self.vehicle) {
             return Err("a plan's vehicle is one of its members");
         }
-        self.stops.iter().try_for_each(|stop| {
-            stop.at.check()?;
-            stop.route.iter().try_for_each(Position::check)
-        })
+        ascending(&self.members)?;
+        number(self.run.0).and(number(self.revision.0))?;
+        if self.stops.len() > STOPS_MAX {
+            return Err("a plan has at most 4096 stops");
+        }
+        self.stops.iter().try_for_each(Stop::check)
+    }
+}
+
+impl Stop {
+    fn check(&self) -> Result<(), &'static str> {
+        if self.partners.len() > LIST_MAX || self.after.len() > LIST_MAX {
+            return Err("a stop has at most 1024 partners and 1024 stops to wait for");
+        }
+        number(self.id.0)?;
+        self.after.iter().try_for_each(|(_, stop)| number(stop.0))?;
+        self.at.check()?;
+        check_route(&self.route)
+    }
+}
+
+fn check_route(route: &[Position]) -> Result<(), &'static str> {
+    if route.len() > LIST_MAX {
+        return Err("a route has at most 1024 corners");
+    }
+    route.iter().try_for_each(Position::check)
+}
+
+impl Progress {
+    fn check(&self) -> Result<(), &'static str> {
+        number(self.run.0).and(number(self.revision.0))?;
+        self.done.iter().chain(&self.leg).try_for_each(|stop| number(stop.0))
+    }
+}
+
+impl Beacon {
+    fn check(&self) -> Result<(), &'static str> {
+        self.pose.check()?;
+        self.progress.check()?;
+        if self.progress.vehicle != self.sender {
+            return Err("a beacon's progress is its sender's");
+        }
+        ascending(&self.members)
+    }
+}
+
+impl Samples {
+    fn check(&self) -> Result<(), &'static str> {
+        number(self.run.0)?;
+        if !self.samples.windows(2).all(|pair| pair[0].sequence < pair[1].sequence) {
+            return Err("samples are ascending by sequence");
+        }
+        self.samples.iter().try_for_each(Sample::check)
     }
 }
 

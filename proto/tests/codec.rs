@@ -116,6 +116,71 @@ fn impossible_samples_plans_tiles_and_beacons_are_refused() {
     refused(&Message::Beacon(beacon), "position");
 }
 
+fn changed<T>(pick: fn(Message) -> Option<T>, wrap: fn(T) -> Message, change: impl Fn(&mut T)) -> Message {
+    let mut inner = example(pick);
+    change(&mut inner);
+    wrap(inner)
+}
+
+#[test]
+fn the_last_number_is_refused_everywhere() {
+    let state = |change: fn(&mut State)| {
+        let pick = |message| if let Message::State(state) = message { Some(state) } else { None };
+        refused(&changed(pick, Message::State, change), "under 4294967295");
+    };
+    state(|state| state.ordered.1 = Revision(u32::MAX));
+    state(|state| state.accepted.1 = Revision(u32::MAX));
+    state(|state| state.accepted.0 = RunId(u32::MAX));
+    let progress = |change: fn(&mut Progress)| {
+        let pick = |message| if let Message::Progress(progress) = message { Some(progress) } else { None };
+        refused(&changed(pick, Message::Progress, change), "under 4294967295");
+    };
+    progress(|progress| progress.revision = Revision(u32::MAX));
+    progress(|progress| progress.done = Some(StopId(u32::MAX)));
+    progress(|progress| progress.leg = Some(StopId(u32::MAX)));
+    let order = |change: fn(&mut Order)| {
+        let pick = |message| if let Message::Order(order) = message { Some(order) } else { None };
+        refused(&changed(pick, Message::Order, change), "under 4294967295");
+    };
+    order(|order| order.revision = Revision(u32::MAX));
+    order(|order| order.run = RunId(u32::MAX));
+}
+
+#[test]
+fn lists_are_bounded_and_in_order() {
+    let plan = |change: fn(&mut Plan), expected: &str| {
+        let pick = |message| if let Message::Plan(plan) = message { Some(plan) } else { None };
+        refused(&changed(pick, Message::Plan, change), expected);
+    };
+    plan(|plan| plan.members = vec![VehicleId(2), VehicleId(1)], "ascending");
+    plan(|plan| plan.members = vec![VehicleId(2), VehicleId(2)], "ascending");
+    plan(|plan| plan.stops[0].id = StopId(u32::MAX), "under 4294967295");
+    plan(|plan| plan.stops[0].route = vec![Position::default(); 1025], "1024 corners");
+    plan(
+        |plan| {
+            plan.stops =
+                vec![Stop { route: vec![], partners: vec![], after: vec![], ..plan.stops[0].clone() }; 4097]
+        },
+        "4096 stops",
+    );
+    let beacon = |change: fn(&mut Beacon), expected: &str| {
+        let pick = |message| if let Message::Beacon(beacon) = message { Some(beacon) } else { None };
+        refused(&changed(pick, Message::Beacon, change), expected);
+    };
+    beacon(|beacon| beacon.members = vec![VehicleId(3), VehicleId(1)], "ascending");
+    beacon(|beacon| beacon.progress.vehicle = VehicleId(3), "sender");
+    let layer = LayerDigest { layer: LayerId::default(), tiles: 1, hash: 1 };
+    refused(&Message::Digest(Digest { layers: vec![layer; 257] }), "256 layers");
+    let known = vec![(TileAddress::default(), 1); 4097];
+    refused(&Message::Want(Want { layer: LayerId::default(), known }), "4096 tiles");
+    let mut batch = samples(None);
+    batch.samples.swap(0, 1);
+    refused(&Message::Samples(batch), "ascending by sequence");
+    let software = "x".repeat(257);
+    let hello = Hello { vehicle: None, boot: Boot(1), venue_hash: 0, software };
+    refused(&Message::Hello(hello), "256 bytes");
+}
+
 fn position() -> impl Strategy<Value = Position> {
     (-9e5..9e5, -9e5..9e5).prop_map(|(x_m, y_m)| Position { x_m, y_m })
 }
@@ -132,8 +197,13 @@ fn vehicle() -> impl Strategy<Value = VehicleId> {
     any::<u8>().prop_map(VehicleId)
 }
 
+/// A run, revision or stop.
+fn number() -> impl Strategy<Value = u32> {
+    0..u32::MAX
+}
+
 fn progress() -> impl Strategy<Value = Progress> {
-    (vehicle(), any::<u32>(), any::<u32>(), any::<Option<u32>>(), any::<Option<u32>>()).prop_map(
+    (vehicle(), number(), number(), prop::option::of(number()), prop::option::of(number())).prop_map(
         |(vehicle, run, revision, done, leg)| Progress {
             vehicle,
             run: RunId(run),
@@ -145,10 +215,10 @@ fn progress() -> impl Strategy<Value = Progress> {
 }
 
 fn stop() -> impl Strategy<Value = Stop> {
-    let waits = prop::collection::vec((vehicle(), any::<u32>().prop_map(StopId)), 0..4);
+    let waits = prop::collection::vec((vehicle(), number().prop_map(StopId)), 0..4);
     let route = prop::collection::vec(position(), 0..4);
     let partners = prop::collection::vec(vehicle(), 0..4);
-    (any::<u32>(), position(), route, any::<u32>(), any::<u32>(), partners, waits).prop_map(
+    (number(), position(), route, any::<u32>(), any::<u32>(), partners, waits).prop_map(
         |(id, at, route, dwell_ms, dwell_limit_ms, partners, after)| Stop {
             id: StopId(id),
             at,
@@ -163,12 +233,15 @@ fn stop() -> impl Strategy<Value = Stop> {
 
 fn plan() -> impl Strategy<Value = Message> {
     let stops = prop::collection::vec(stop(), 0..6);
-    (vehicle(), any::<u32>(), any::<u32>(), prop::collection::vec(vehicle(), 0..4), position(), stops)
-        .prop_map(|(vehicle, run, revision, mut members, start, stops)| {
+    (vehicle(), number(), number(), prop::collection::vec(vehicle(), 0..4), position(), stops).prop_map(
+        |(vehicle, run, revision, mut members, start, stops)| {
             members.push(vehicle);
+            members.sort_unstable();
+            members.dedup();
             let (run, revision) = (RunId(run), Revision(revision));
             Message::Plan(Plan { vehicle, run, revision, members, start, stops })
-        })
+        },
+    )
 }
 
 fn sample() -> impl Strategy<Value = Sample> {
@@ -199,8 +272,10 @@ fn sample() -> impl Strategy<Value = Sample> {
 }
 
 fn sample_batch() -> impl Strategy<Value = Message> {
-    (vehicle(), any::<u32>(), any::<u32>(), prop::collection::vec(sample(), 0..5)).prop_map(
-        |(vehicle, boot, run, samples)| {
+    (vehicle(), any::<u32>(), number(), prop::collection::vec(sample(), 0..5)).prop_map(
+        |(vehicle, boot, run, mut samples)| {
+            samples.sort_by_key(|sample| sample.sequence);
+            samples.dedup_by_key(|sample| sample.sequence);
             Message::Samples(Samples { vehicle, boot: Boot(boot), run: RunId(run), samples })
         },
     )
@@ -216,7 +291,17 @@ fn state() -> impl Strategy<Value = Message> {
         Mode::Emergency,
     ]);
     let leg = prop::option::of(prop::collection::vec(position(), 0..4));
-    (vehicle(), any::<u64>(), pose(), 0.0..900.0, mode, 0.0..=1.0, leg, any::<[u32; 4]>(), any::<u64>())
+    (
+        vehicle(),
+        any::<u64>(),
+        pose(),
+        0.0..900.0,
+        mode,
+        0.0..=1.0,
+        leg,
+        [number(), number(), number(), number()],
+        any::<u64>(),
+    )
         .prop_map(
             |(
                 vehicle,
@@ -256,10 +341,11 @@ fn tile() -> impl Strategy<Value = Message> {
 }
 
 fn beacon() -> impl Strategy<Value = Message> {
-    let members = prop::collection::vec(vehicle(), 0..9);
+    let members = prop::collection::btree_set(vehicle(), 0..9);
     (vehicle(), any::<u32>(), any::<u64>(), pose(), any::<u8>(), any::<i8>(), members, progress()).prop_map(
         |(sender, boot, sequence, pose, channel, power_dbm, members, progress)| {
-            let boot = Boot(boot);
+            let (boot, members) = (Boot(boot), members.into_iter().collect());
+            let progress = Progress { vehicle: sender, ..progress };
             Message::Beacon(Beacon { sender, boot, sequence, pose, channel, power_dbm, members, progress })
         },
     )
@@ -281,7 +367,7 @@ fn order() -> impl Strategy<Value = Message> {
         OrderKind::Land,
         OrderKind::Emergency,
     ]);
-    (vehicle(), any::<[u32; 3]>(), any::<[u64; 2]>(), kind).prop_map(
+    (vehicle(), [number(), number(), number()], any::<[u64; 2]>(), kind).prop_map(
         |(vehicle, [number, run, revision], [holder, seen_state], kind)| {
             let (run, revision) = (RunId(run), Revision(revision));
             Message::Order(Order {
@@ -297,7 +383,7 @@ fn order() -> impl Strategy<Value = Message> {
 }
 
 fn bookkeeping() -> impl Strategy<Value = Message> {
-    let entry = (vehicle(), any::<u32>(), any::<u32>(), any::<u64>(), any::<(i16, i32, i32)>());
+    let entry = (vehicle(), any::<u32>(), number(), any::<u64>(), any::<(i16, i32, i32)>());
     (0..3, any::<u64>(), prop::collection::vec(entry, 0..6)).prop_map(|(kind, store, entries)| {
         let layer = |vehicle, boot| LayerId { vehicle, boot: Boot(boot) };
         match kind {

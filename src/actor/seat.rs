@@ -12,6 +12,8 @@ pub struct Seat<A: Actor> {
     actor: A,
     inbox: Inbox<A::In>,
     said: Vec<A::Out>,
+    /// The latest moment that it was told.
+    latest: Time,
 }
 
 impl<A: Actor> Seat<A>
@@ -20,7 +22,7 @@ where
 {
     /// Seats an actor behind an empty inbox.
     pub fn new(actor: A) -> Seat<A> {
-        Seat { actor, inbox: Inbox::new(INBOX), said: Vec::new() }
+        Seat { actor, inbox: Inbox::new(INBOX), said: Vec::new(), latest: Time::ZERO }
     }
 
     /// Gives the actor.
@@ -46,12 +48,18 @@ where
     /// Lets the actor act until nothing is due and nothing unread, and hands on what it says.
     ///
     /// # Errors
-    /// The actor cannot go on.
+    /// The actor cannot go on, or the contract is broken: time went back, or a deadline did not move when it was due.
     pub fn act(&mut self, now: Time, mut hand_on: impl FnMut(A::Out)) -> Result<(), Fault> {
+        if now < self.latest {
+            return Err(fault::<A>(format!("time went back from {} to {now} s", self.latest)));
+        }
+        self.latest = now;
         loop {
             if self.actor.deadline().is_some_and(|deadline| deadline.at <= now) {
                 self.actor.wake(now, &mut self.said)?;
-                debug_assert!(self.actor.deadline().is_none_or(|next| next.at > now), "woken in vain");
+                if let Some(vain) = self.actor.deadline().filter(|next| next.at <= now) {
+                    return Err(fault::<A>(format!("woken in vain at {now} s: {} is still due", vain.why)));
+                }
             } else if let Some(input) = self.inbox.pop() {
                 self.actor.handle(now, input, &mut self.said)?;
             } else {
@@ -60,6 +68,11 @@ where
             self.said.drain(..).for_each(&mut hand_on);
         }
     }
+}
+
+fn fault<A>(reason: String) -> Fault {
+    let path = std::any::type_name::<A>();
+    Fault { actor: path.rsplit("::").next().unwrap_or(path), reason }
 }
 
 #[cfg(test)]
@@ -105,5 +118,39 @@ mod tests {
         seat.push(3);
         seat.act(Time::from_secs_f64(1.0), |out| said.push(out)).unwrap();
         assert_eq!(said, ["told 1", "told 2", "tick", "told 3"]);
+    }
+
+    /// Never moves its deadline.
+    struct Stuck;
+
+    impl Actor for Stuck {
+        type In = u32;
+        type Out = ();
+        fn handle(&mut self, _now: Time, _input: u32, _out: &mut Vec<()>) -> Result<(), Fault> {
+            Ok(())
+        }
+        fn deadline(&self) -> Option<Deadline> {
+            Some(Deadline { at: Time::from_secs_f64(1.0), why: "tick" })
+        }
+        fn wake(&mut self, _now: Time, _out: &mut Vec<()>) -> Result<(), Fault> {
+            Ok(())
+        }
+    }
+
+    #[test]
+    fn an_actor_woken_in_vain_is_a_fault_and_no_endless_loop() {
+        let mut seat = Seat::new(Stuck);
+        assert_eq!(seat.act(Time::ZERO, |()| {}), Ok(()));
+        let fault = seat.act(Time::from_secs_f64(2.0), |()| {}).unwrap_err();
+        assert_eq!(fault.to_string(), "Stuck cannot go on: woken in vain at 2.000 s: tick is still due");
+    }
+
+    #[test]
+    fn time_that_goes_back_is_a_fault() {
+        let mut seat = Seat::new(Clock(Time::from_secs_f64(9.0)));
+        seat.act(Time::from_secs_f64(2.0), |_| {}).unwrap();
+        seat.act(Time::from_secs_f64(2.0), |_| {}).unwrap();
+        let fault = seat.act(Time::from_secs_f64(1.0), |_| {}).unwrap_err();
+        assert_eq!(fault.reason, "time went back from 2.000 to 1.000 s");
     }
 }

@@ -81,7 +81,7 @@ impl Fleet {
         for (vehicle, member) in &mut self.members {
             let obeyed = member.state.as_ref().map_or(Revision(0), |(_, state)| state.ordered.1);
             let pending = member.order.as_ref().map_or(Revision(0), |order| order.revision);
-            let revision = Revision(obeyed.max(pending).0 + 1);
+            let revision = Revision(obeyed.max(pending).0.saturating_add(1));
             member.order =
                 Some(Order { vehicle: *vehicle, lease: self.lease, run, revision, seen_state: 0, kind });
         }
@@ -143,5 +143,13 @@ mod tests {
         fleet.heard_state(Time::ZERO, state(4, Revision(0), Lease::default()));
         let (_, member) = fleet.members().next().unwrap();
         assert_eq!(member.state.as_ref().unwrap().1.sequence, 9);
+    }
+
+    #[test]
+    fn an_order_above_the_highest_revision_is_no_overflow() {
+        let mut fleet = Fleet::new(&[VehicleId(1)], Lease::default());
+        fleet.heard_state(Time::ZERO, state(1, Revision(u32::MAX), Lease::default()));
+        fleet.order_all(RunId(1), OrderKind::Emergency);
+        assert_eq!(fleet.open_orders()[0].revision, Revision(u32::MAX));
     }
 }

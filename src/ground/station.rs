@@ -12,11 +12,17 @@
 //!    └────────────────────────────────────────────── samples in ─────────────────────────────────────────┘
 //! ```
 //!
+//! An order of the operator other than Start *stands* until the operator's next Start: meanwhile whatever the
+//! phase, nothing is begun, planned or timed, and no Start is given.
+//!
 //! Deadline: `repeat` (state is published and repeated, nobody asks and waits).
 
 use std::time::Duration;
 
-use tomoswarm_proto::{Lease, Message, OrderKind, RunId, Samples, StopId, TileReport, VehicleId, Want};
+use tomoswarm_proto::{
+    LayerId, Lease, Message, OrderKind, Progress, RunId, Samples, StopId, TileAddress, TileReport, VehicleId,
+    Want,
+};
 
 use super::fleet::{Fleet, Member};
 use super::imager::{Job, Subject};
@@ -42,6 +48,8 @@ const STALLED_AFTER: Duration = Duration::from_secs(420);
 const CLOSING: Duration = Duration::from_secs(3);
 /// Gaps in the samples are waited for at most this long.
 const CLOSING_MAX: Duration = Duration::from_secs(60);
+/// Wants sent for one digest.
+const WANTS: usize = 64;
 /// Tiles sent for one want.
 const REPAIR_TILES: usize = 16;
 
@@ -174,6 +182,8 @@ pub struct Station {
     phase: Phase,
     succession: Option<Succession>,
     wished: Option<Wish>,
+    /// What the operator has ordered and not ended by a Start; the strongest of several.
+    standing: Option<OrderKind>,
     planned_at: Time,
     /// When a vehicle was last heard to have got on with its plan.
     got_on_at: Time,
@@ -193,6 +203,7 @@ impl Station {
             phase: Phase::Idle,
             succession: None,
             wished: None,
+            standing: None,
             planned_at: Time::ZERO,
             got_on_at: Time::ZERO,
             stalled: false,
@@ -230,8 +241,8 @@ impl Station {
             Message::Samples(batch) => self.store(&batch),
             Message::Tile(report) => self.join(&report),
             Message::Digest(digest) => {
-                let wants = self.map.want(&digest);
-                out.extend(wants.into_iter().map(|want| Out::Publish(Message::Want(want))));
+                let wants = self.map.want(&digest).into_iter().take(WANTS);
+                out.extend(wants.map(|want| Out::Publish(Message::Want(want))));
             }
             Message::Want(want) => self.repair(&want, out),
             // Said by the ground itself, or the bus's and the radio's business.
@@ -263,11 +274,30 @@ impl Station {
                 let run = self.run();
                 self.fleet.order_all(run, kind);
                 self.publish_orders(out);
+                match kind {
+                    OrderKind::Start => self.go_on(now, out),
+                    OrderKind::Hold | OrderKind::Return | OrderKind::Land | OrderKind::Emergency => {
+                        self.standing = self.standing.max(Some(kind));
+                    }
+                }
             }
             Wish::Sweep { .. } => {
                 self.wished = Some(wish);
                 self.begin(now, out);
             }
+        }
+    }
+
+    /// The operator's Start: what was held goes on; who was sent elsewhere is planned for anew from there.
+    fn go_on(&mut self, now: Time, out: &mut Vec<Out>) {
+        let stood = self.standing.take();
+        self.planned_at = now;
+        match (stood, &self.phase) {
+            (Some(OrderKind::Return | OrderKind::Land | OrderKind::Emergency), Phase::Running(sweep, _)) => {
+                let sweep = *sweep;
+                self.rest(now, sweep, out);
+            }
+            (Some(_) | None, _) => self.begin(now, out),
         }
     }
 
@@ -283,7 +313,8 @@ impl Station {
 
     /// Begins a wished sweep once every vehicle has been heard and none is under way.
     fn begin(&mut self, now: Time, out: &mut Vec<Out>) {
-        if !matches!(self.phase, Phase::Idle) || !self.fleet.is_complete() {
+        let is_free = matches!(self.phase, Phase::Idle) && self.standing.is_none();
+        if !is_free || !self.fleet.is_complete() {
             return;
         }
         let Some(Wish::Sweep { run, empty }) = self.wished.take() else { return };
@@ -362,17 +393,20 @@ impl Station {
     fn look_after_plans(&mut self, now: Time, out: &mut Vec<Out>) {
         let Some(succession) = &self.succession else { return };
         let shown = succession.missing().next().is_none();
+        let is_free = self.standing.is_none();
         match &self.phase {
-            Phase::Running(sweep, _) if !shown && now.since(self.planned_at) > ADOPTED_WITHIN => {
+            Phase::Running(sweep, _) if is_free && !shown && now.since(self.planned_at) > ADOPTED_WITHIN => {
                 let sweep = *sweep;
                 out.push(Out::Note(Note::Replans(sweep.run)));
                 self.rest(now, sweep, out);
             }
-            Phase::Running(sweep, _) if now.since(self.got_on_at.max(self.planned_at)) > STALLED_AFTER => {
+            Phase::Running(sweep, _)
+                if is_free && now.since(self.got_on_at.max(self.planned_at)) > STALLED_AFTER =>
+            {
                 let sweep = *sweep;
                 self.stall(now, sweep, out);
             }
-            Phase::Stopping(sweep) if succession.phase() == sweep::Phase::Stopped => {
+            Phase::Stopping(sweep) if is_free && succession.phase() == sweep::Phase::Stopped => {
                 let sweep = *sweep;
                 self.ask(sweep, out);
             }
@@ -423,11 +457,14 @@ impl Station {
         }
     }
 
-    /// Tells whether every vehicle has done its last stop of a lap.
+    /// Tells whether every vehicle has done its last stop of a lap, under the present plans.
     fn is_done(&self, sweep: Sweep, lap: &[(VehicleId, StopId)]) -> bool {
+        let plan = self.succession.iter().flat_map(Succession::plans).next();
+        let present = plan.map(|plan| (sweep.run, plan.revision));
         lap.iter().all(|(vehicle, stop)| {
             self.fleet.members().any(|(id, member)| {
-                let progress = member.progress.filter(|progress| progress.run == sweep.run);
+                let of_present = |progress: &Progress| Some((progress.run, progress.revision)) == present;
+                let progress = member.progress.filter(of_present);
                 id == *vehicle
                     && progress.and_then(|progress| progress.done).is_some_and(|done| done >= *stop)
             })
@@ -488,14 +525,43 @@ impl Actor for Station {
     }
 }
 
-impl Input for In {
-    type Key = (u8, VehicleId);
+/// Which inputs replace unread ones.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub enum Key {
+    /// The state of one vehicle.
+    State(VehicleId),
+    /// The progress of one vehicle.
+    Progress(VehicleId),
+    /// A tile of a layer.
+    Tile(LayerId, TileAddress),
+}
 
-    fn class(&self) -> Class<(u8, VehicleId)> {
+impl Input for In {
+    type Key = Key;
+
+    fn class(&self) -> Class<Key> {
         match self {
-            In::Bus(Message::State(state)) => Class::Latest((0, state.vehicle)),
-            In::Bus(Message::Progress(progress)) => Class::Latest((1, progress.vehicle)),
+            In::Bus(Message::State(state)) => Class::Latest(Key::State(state.vehicle)),
+            In::Bus(Message::Progress(progress)) => Class::Latest(Key::Progress(progress.vehicle)),
+            In::Bus(Message::Tile(report)) => Class::Latest(Key::Tile(report.layer, report.address)),
             In::Bus(_) | In::Wish(_) | In::Planned(_) => Class::Queue,
+        }
+    }
+
+    fn join(unread: In, newer: In) -> In {
+        match (unread, newer) {
+            (In::Bus(Message::State(unread)), In::Bus(Message::State(newer)))
+                if (unread.boot, unread.sequence) > (newer.boot, newer.sequence) =>
+            {
+                In::Bus(Message::State(unread))
+            }
+            // Tiles may overtake each other: the higher revision stays.
+            (In::Bus(Message::Tile(unread)), In::Bus(Message::Tile(newer)))
+                if unread.revision > newer.revision =>
+            {
+                In::Bus(Message::Tile(unread))
+            }
+            (_, newer) => newer,
         }
     }
 }

@@ -7,15 +7,16 @@
 //!
 //! Deadline: `share tiles and digest`.
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeSet;
 use std::time::Duration;
 
 use tomoswarm_proto::{Digest, LayerId, Message, State, TileAddress, TileReport, VehicleId, Want};
 
 use super::Settings;
+use super::peers::{Peer, Peers, join_states};
 use super::sensor::Scan;
 use crate::actor::{Actor, Class, Fault, Input};
-use crate::geom::{Point, Pose};
+use crate::geom::Pose;
 use crate::map::{Body, Changes, Joined, Mapper, Merged, PeerBody, ScanReading};
 use crate::time::{Deadline, Time};
 
@@ -23,6 +24,8 @@ use crate::time::{Deadline, Time};
 const SHARE_EVERY: Duration = Duration::from_secs(1);
 /// Tiles published per second at most, besides newly occupied ones: 12 kB/s.
 const SHARE_TILES: usize = 12;
+/// Wants sent for one digest.
+const WANTS: usize = 16;
 /// Tiles sent for one want.
 const REPAIR_TILES: usize = 8;
 
@@ -50,13 +53,6 @@ pub enum Out {
     Publish(Message),
 }
 
-/// Where a peer may be.
-#[derive(Clone, Debug)]
-struct Peer {
-    leg: Vec<Point>,
-    sd_m: f64,
-}
-
 /// The map actor.
 #[derive(Debug)]
 pub struct Map {
@@ -64,7 +60,8 @@ pub struct Map {
     own: LayerId,
     merged: Merged,
     mapper: Mapper,
-    peers: BTreeMap<VehicleId, Peer>,
+    /// Where peers may be, so that they are not mapped: their last legs, or where they stand.
+    peers: Peers,
     unshared: BTreeSet<TileAddress>,
     share_at: Time,
 }
@@ -79,7 +76,7 @@ impl Map {
             own,
             merged: Merged::new(settings.lattice, Some(own)),
             mapper: Mapper::new(own, settings.slice),
-            peers: BTreeMap::new(),
+            peers: Peers::new(settings.vehicle),
             unshared: BTreeSet::new(),
             share_at,
             settings,
@@ -113,8 +110,11 @@ impl Map {
         let body = Body { at: pose.at, radius_m: self.settings.body.radius_m };
         let sure_m = self.settings.body.radius_m + self.settings.lattice.cell_m();
         let body_of = |peer: &'_ Peer| sure_m + 2.0 * (pose.sd_m + peer.sd_m);
-        let peers: Vec<PeerBody<'_>> =
-            self.peers.values().map(|peer| PeerBody { leg: &peer.leg, radius_m: body_of(peer) }).collect();
+        let peers: Vec<PeerBody<'_>> = self
+            .peers
+            .iter()
+            .map(|(_, peer)| PeerBody { leg: &peer.claim, radius_m: body_of(peer) })
+            .collect();
         self.mapper.record(&mut self.merged, reading, body, &peers)
     }
 
@@ -131,17 +131,6 @@ impl Map {
         for address in changes.newly_occupied {
             self.unshared.remove(&address);
         }
-    }
-
-    /// Remembers where a peer may be, so that it is not mapped: its last leg, or where it stands.
-    fn peer(&mut self, state: &State) {
-        if state.vehicle == self.settings.vehicle {
-            return;
-        }
-        let place = Point::from(state.pose.at);
-        let leg = state.leg.iter().flat_map(|leg| leg.route.iter().map(|corner| Point::from(*corner)));
-        let peer = Peer { leg: std::iter::once(place).chain(leg).collect(), sd_m: state.pose.sd_m };
-        self.peers.insert(state.vehicle, peer);
     }
 
     fn tile(&mut self, report: TileReport, out: &mut Vec<Out>) {
@@ -166,14 +155,14 @@ impl Actor for Map {
     type In = In;
     type Out = Out;
 
-    fn handle(&mut self, _now: Time, input: In, out: &mut Vec<Out>) -> Result<(), Fault> {
+    fn handle(&mut self, now: Time, input: In, out: &mut Vec<Out>) -> Result<(), Fault> {
         match input {
             In::Scan(scan) => self.scan(&scan, out),
-            In::Peer(state) => self.peer(&state),
+            In::Peer(state) => self.peers.take(now, &state),
             In::Tile(report) => self.tile(report, out),
             In::Digest(digest) => {
                 let wants = self.merged.want(&digest).into_iter().filter(|want| want.layer != self.own);
-                out.extend(wants.map(|want| Out::Publish(Message::Want(want))));
+                out.extend(wants.take(WANTS).map(|want| Out::Publish(Message::Want(want))));
             }
             In::Want(want) => {
                 let tiles = self.merged.answer(&want, REPAIR_TILES);
@@ -218,6 +207,7 @@ impl Input for In {
         match (unread, newer) {
             // Tiles may overtake each other: the higher revision stays.
             (In::Tile(unread), In::Tile(newer)) if unread.revision > newer.revision => In::Tile(unread),
+            (In::Peer(unread), In::Peer(newer)) => In::Peer(join_states(unread, newer)),
             (_, newer) => newer,
         }
     }
@@ -227,7 +217,7 @@ impl Input for In {
 mod tests {
     use super::super::tests_support::{settings, state};
     use super::*;
-    use crate::geom::Angle;
+    use crate::geom::{Angle, Point};
 
     fn scan(range_m: Option<f64>) -> In {
         let pose = Pose { at: Point::new(1.0, 1.0), heading: Angle::default(), sd_m: 0.05 };
@@ -279,5 +269,17 @@ mod tests {
             told(&mut two, vec![In::Tile(report)]);
         }
         assert_eq!(one.merged.digest(), two.merged.digest());
+    }
+
+    #[test]
+    fn a_digest_of_many_layers_is_not_answered_by_as_many_wants() {
+        let layer = |vehicle| tomoswarm_proto::LayerDigest {
+            layer: LayerId { vehicle: VehicleId(vehicle), boot: tomoswarm_proto::Boot(1) },
+            tiles: 1,
+            hash: 1,
+        };
+        let digest = Digest { layers: (2..=255).map(layer).collect() };
+        let wants = told(&mut Map::new(settings(1)), vec![In::Digest(digest)]);
+        assert!((1..=16).contains(&wants.len()), "{} wants", wants.len());
     }
 }

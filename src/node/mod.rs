@@ -7,6 +7,7 @@ mod from_config;
 pub mod map;
 pub mod mission;
 pub mod outbox;
+mod peers;
 mod place;
 pub mod radio;
 pub mod route;

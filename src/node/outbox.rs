@@ -19,6 +19,8 @@ use crate::time::{Deadline, Time};
 const FLUSH_EVERY: Duration = Duration::from_secs(1);
 /// What the ground has not confirmed after this long is sent again.
 const REPEAT_AFTER: Duration = Duration::from_secs(4);
+/// Batches sent at a time at most, so that what a long cut has left does not flood the bus: 80 kB/s.
+const BATCHES: usize = 8;
 /// Samples of one batch; about 10 kB.
 const BATCH: usize = 128;
 /// Samples kept at most; the oldest are dropped and counted.
@@ -48,17 +50,31 @@ pub struct Outbox {
     kept: VecDeque<(RunId, Sample)>,
     /// How many of `kept`, from the front, have been sent at least once.
     sent: usize,
+    /// How many of `kept` there were when the front was sent.
+    round: usize,
     /// When the front was sent first or last.
     sent_at: Time,
     flush_at: Option<Time>,
     dropped: u64,
+    /// The ground's store, once heard.
+    store: Option<u64>,
 }
 
 impl Outbox {
     /// Makes an empty outbox.
     pub fn new(vehicle: VehicleId, boot: Boot) -> Outbox {
         let kept = VecDeque::new();
-        Outbox { vehicle, boot, kept, sent: 0, sent_at: Time::ZERO, flush_at: None, dropped: 0 }
+        Outbox {
+            vehicle,
+            boot,
+            kept,
+            sent: 0,
+            round: 0,
+            sent_at: Time::ZERO,
+            flush_at: None,
+            dropped: 0,
+            store: None,
+        }
     }
 
     /// Tells how many samples were lost because the outbox was full.
@@ -70,20 +86,24 @@ impl Outbox {
         self.kept.push_back((run, sample));
         if self.kept.len() > CAPACITY {
             self.kept.pop_front();
-            self.sent = self.sent.saturating_sub(1);
+            (self.sent, self.round) = (self.sent.saturating_sub(1), self.round.saturating_sub(1));
             self.dropped += 1;
         }
         self.flush_at.get_or_insert(now + FLUSH_EVERY);
     }
 
-    /// Forgets what the ground has stored.
+    /// Forgets what the ground has stored. A new store has nothing yet: what is still kept is sent to it from the
+    /// beginning; what an older store had confirmed is its operator's to bring over.
     fn have(&mut self, have: &Have) {
+        if self.store.replace(have.store).is_some_and(|known| known != have.store) {
+            self.sent = 0;
+        }
         let own = |mark: &&tomoswarm_proto::HeardFrom| (mark.vehicle, mark.boot) == (self.vehicle, self.boot);
         for mark in have.watermarks.iter().filter(own) {
             let covered = |(run, sample): &(RunId, Sample)| *run == mark.run && sample.sequence < mark.below;
             while self.kept.front().is_some_and(covered) {
                 self.kept.pop_front();
-                self.sent = self.sent.saturating_sub(1);
+                (self.sent, self.round) = (self.sent.saturating_sub(1), self.round.saturating_sub(1));
             }
         }
     }
@@ -113,13 +133,15 @@ impl Actor for Outbox {
     }
 
     fn wake(&mut self, now: Time, out: &mut Vec<Out>) -> Result<(), Fault> {
-        if self.sent > 0 && now.since(self.sent_at) >= REPEAT_AFTER {
+        // Only once all has had its turn: otherwise the oldest would keep back the rest for ever.
+        if self.sent >= self.round && now.since(self.sent_at) >= REPEAT_AFTER {
             self.sent = 0;
         }
         if self.sent == 0 {
-            self.sent_at = now;
+            (self.sent_at, self.round) = (now, self.kept.len());
         }
-        while let Some(batch) = self.batch(self.sent) {
+        for _ in 0..BATCHES {
+            let Some(batch) = self.batch(self.sent) else { break };
             self.sent += batch.samples.len();
             out.push(Out::Publish(batch));
         }
@@ -184,5 +206,45 @@ mod tests {
         outbox.handle(Time::ZERO, have(300), &mut Vec::new()).unwrap();
         assert!(sent(&mut outbox).is_empty());
         assert_eq!(outbox.deadline(), None);
+    }
+
+    #[test]
+    fn after_a_cut_the_bus_is_not_flooded_and_all_arrives() {
+        let mut outbox = Outbox::new(VehicleId(1), Boot(1));
+        for sequence in 0..5000 {
+            outbox.handle(Time::ZERO, sample(sequence), &mut Vec::new()).unwrap();
+        }
+        let mut below = 0;
+        for _ in 0..5 {
+            let sent = sent(&mut outbox);
+            assert!(sent.len() <= 8 * 128, "{} at once", sent.len());
+            below = sent.last().map_or(below, |last| last + 1);
+            outbox.handle(Time::ZERO, have(below), &mut Vec::new()).unwrap();
+        }
+        assert_eq!(below, 5000);
+    }
+
+    #[test]
+    fn what_is_repeated_does_not_keep_back_what_is_new() {
+        let mut outbox = Outbox::new(VehicleId(1), Boot(1));
+        for sequence in 0..20_000 {
+            outbox.handle(Time::ZERO, sample(sequence), &mut Vec::new()).unwrap();
+        }
+        // Nothing is ever confirmed: it begins anew only when all has been sent.
+        let seen: std::collections::BTreeSet<u64> = (0..20).flat_map(|_| sent(&mut outbox)).collect();
+        assert_eq!(seen.len(), 20_000);
+    }
+
+    #[test]
+    fn a_new_store_is_sent_all_that_is_kept_at_once() {
+        let mut outbox = Outbox::new(VehicleId(1), Boot(1));
+        for sequence in 0..10 {
+            outbox.handle(Time::ZERO, sample(sequence), &mut Vec::new()).unwrap();
+        }
+        outbox.handle(Time::ZERO, have(2), &mut Vec::new()).unwrap();
+        assert_eq!(sent(&mut outbox), (2..10).collect::<Vec<_>>());
+        let other = In::Have(Have { store: 2, watermarks: vec![] });
+        outbox.handle(Time::ZERO, other, &mut Vec::new()).unwrap();
+        assert_eq!(sent(&mut outbox), (2..10).collect::<Vec<_>>());
     }
 }

@@ -4,7 +4,8 @@
 //! measure. It says
 //! beacons, samples, and peers' progress. It never waits for the bus: a gap costs samples, nothing else.
 //!
-//! Members of the ring are the ids heard, or listed in a heard beacon, in the last 5 s, and oneself, ascending.
+//! Members of the ring are the ids heard, or listed in a heard beacon, in the last 5 s, and oneself, ascending. A
+//! beacon lists only those heard directly, so that one that has fallen silent leaves everybody's ring.
 //! After hearing m, member k speaks in slot distance(m, k) · T plus jitter; each newly heard beacon restarts
 //! the wait; own silence is at most (members + 1) · T.
 //!
@@ -89,7 +90,11 @@ pub struct Radio {
 struct Last {
     boot: Boot,
     sequence: u64,
+    /// When it was heard.
+    at: Time,
     pose: PoseReport,
+    /// Where the receiver was then, if it knew.
+    receiver: Option<Pose>,
 }
 
 impl Radio {
@@ -131,9 +136,16 @@ impl Radio {
         }
         out.push(Out::Peer(beacon.progress));
         self.sample(now, &beacon, heard.rssi_dbm, out);
-        let last = Last { boot: beacon.boot, sequence: beacon.sequence, pose: beacon.pose };
+        let (boot, sequence, pose) = (beacon.boot, beacon.sequence, beacon.pose);
+        let last = Last { boot, sequence, at: now, pose, receiver: self.place.pose(now) };
         self.heard.insert(beacon.sender, last);
         self.slot_at = now + self.wait_after(now, beacon.sender);
+    }
+
+    /// Gives whose own beacons were heard lately, ascending.
+    fn heard_lately(&self, now: Time) -> Vec<VehicleId> {
+        let lately = self.heard.iter().filter(|(_, last)| now.since(last.at) <= MEMBER_FOR);
+        lately.map(|(id, _)| *id).collect()
     }
 
     /// Gives how long to wait after a member has spoken: its distance in the ring, in slots.
@@ -188,11 +200,14 @@ impl Radio {
             return; // the two are not of one run: nobody would know what was measured
         }
         let missed = self.misses(beacon);
-        let last_pose = self.heard.get(&beacon.sender).map_or(beacon.pose, |last| last.pose);
+        let last = self.heard.get(&beacon.sender);
+        let last_pose = last.map_or(beacon.pose, |last| last.pose);
+        let last_receiver = last.and_then(|last| last.receiver).unwrap_or(receiver_pose);
         for share in 1..=missed {
             let along = share as f64 / (missed + 1) as f64;
-            let transmitter_pose = between(last_pose, beacon.pose, along);
-            self.say(now, run, beacon, transmitter_pose, receiver_pose, None, out);
+            let transmitter_pose = between(last_pose.into(), beacon.pose.into(), along).into();
+            let receiver_then = between(last_receiver, receiver_pose, along);
+            self.say(now, run, beacon, transmitter_pose, receiver_then, None, out);
         }
         if beacon.pose.sd_m <= self.settings.safety.pose_sd_max_m {
             self.say(now, run, beacon, beacon.pose, receiver_pose, Some(rssi_dbm), out);
@@ -233,9 +248,8 @@ impl Radio {
     }
 }
 
-fn between(from: PoseReport, to: PoseReport, share: f64) -> PoseReport {
-    let (start, end) = (Pose::from(from), Pose::from(to));
-    Pose { at: start.at.toward(end.at, share), ..end }.into()
+fn between(from: Pose, to: Pose, share: f64) -> Pose {
+    Pose { at: from.at.toward(to.at, share), ..to }
 }
 
 impl Actor for Radio {
@@ -270,7 +284,7 @@ impl Actor for Radio {
             pose: pose.into(),
             channel: self.settings.radio.channel,
             power_dbm: self.settings.radio.power_dbm,
-            members: self.members.keys().copied().collect(),
+            members: self.heard_lately(now),
             progress: self.progress,
         }));
         Ok(())
@@ -429,5 +443,67 @@ mod tests {
     #[test]
     fn a_lone_radio_keeps_speaking() {
         assert!(speakers(&talk(&[3], Time::from_secs_f64(1.0))).len() >= 8);
+    }
+
+    fn beacon(sender: u8, sequence: u64, x_m: f64, members: Vec<VehicleId>) -> Beacon {
+        Beacon {
+            sender: VehicleId(sender),
+            boot: Boot(1),
+            sequence,
+            pose: state(sender, x_m, 0.0).pose,
+            channel: 11,
+            power_dbm: 0,
+            members,
+            progress: Progress { vehicle: VehicleId(sender), run: RunId(4), ..Progress::default() },
+        }
+    }
+
+    fn hear(radio: &mut Radio, now_s: f64, beacon: Beacon) -> Vec<Out> {
+        let mut out = Vec::new();
+        let heard = Heard { beacon, rssi_dbm: -61 };
+        radio.handle(Time::from_secs_f64(now_s), In::Heard(heard), &mut out).unwrap();
+        out
+    }
+
+    #[test]
+    fn a_dead_radio_leaves_the_ring_of_those_that_live() {
+        let mut radios = [Radio::new(settings(1)), Radio::new(settings(2))];
+        let everyone = (0..=255).map(VehicleId).collect();
+        hear(&mut radios[0], 0.1, beacon(9, 1, 0.0, everyone));
+        let mut last = Vec::new();
+        for tick in 1..400 {
+            let now_s = 0.1 * f64::from(tick);
+            for who in 0..2 {
+                let mut out = Vec::new();
+                let place = state(who as u8 + 1, 0.0, 0.0);
+                radios[who].handle(Time::from_secs_f64(now_s), In::State(place), &mut out).unwrap();
+                radios[who].wake(Time::from_secs_f64(now_s), &mut out).unwrap();
+                let Some(Out::Transmit(beacon)) = out.pop() else { panic!("silent") };
+                last = beacon.members.clone();
+                hear(&mut radios[1 - who], now_s + 0.05, beacon);
+            }
+        }
+        assert_eq!(last, [VehicleId(1)]);
+        assert_eq!(radios[0].members.len(), 1, "{:?}", radios[0].members);
+    }
+
+    #[test]
+    fn of_a_miss_both_ends_are_where_they_were_then() {
+        let mut radio = Radio::new(settings(1));
+        radio.handle(Time::ZERO, In::Measure(Some(RunId(4))), &mut Vec::new()).unwrap();
+        let mut said = Vec::new();
+        for (now_s, sequence, y_m) in [(0.0, 7, 0.0), (0.3, 10, 3.0)] {
+            let own = In::State(state(1, 0.0, y_m));
+            radio.handle(Time::from_secs_f64(now_s), own, &mut Vec::new()).unwrap();
+            said.extend(hear(&mut radio, now_s, beacon(2, sequence, 5.0, vec![])));
+        }
+        let receivers: Vec<f64> = said
+            .iter()
+            .filter_map(|out| match out {
+                Out::Sample(_, sample) => Some(sample.receiver_pose.at.y_m),
+                Out::Transmit(_) | Out::Peer(_) => None,
+            })
+            .collect();
+        assert_eq!(receivers, [0.0, 1.0, 2.0, 3.0]);
     }
 }

@@ -92,7 +92,9 @@ pub(super) fn route(said: Said, to: &mut Vec<To>) {
             to.push(To::Vehicle(vehicle::In::Scan(scan.clone())));
             to.push(To::Map(map::In::Scan(scan)));
         }
-        Said::Map(map::Out::Tiles(tiles)) => to.push(To::Mission(mission::In::Tiles(tiles))),
+        Said::Map(map::Out::Tiles(tiles)) => {
+            to.extend(tiles.into_iter().map(|tile| To::Mission(mission::In::Tile(tile))));
+        }
         Said::Map(map::Out::Publish(message)) => to.push(To::Edge(Effect::Publish(message))),
         Said::Mission(out) => route_mission(out, to),
         Said::Radio(radio::Out::Transmit(beacon)) => to.push(To::Edge(Effect::Transmit(beacon))),

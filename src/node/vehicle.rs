@@ -2,7 +2,9 @@
 //!
 //! It is told telemetry, scans, commands of the mission, orders and the peers' states. It says what to
 //! fly, its own `State`, accepted orders, and remarks. It checks every command against the envelope
-//! (fence, speed, separation, age) and has the *reflex*: a scan nearer than the stopping distance halts the
+//! (a fresh and certain pose, a finite route that begins here, the fence, the peers, what made the reflex halt) and
+//! always drives at the configured speed. It judges the age of orders, not of commands: those come from inside this
+//! vehicle, and a new one replaces the unread one. It has the *reflex*: a scan nearer than the stopping distance halts the
 //! vehicle without map, plan or network. It does not plan and does not know the map.
 //!
 //! ```text
@@ -18,12 +20,13 @@
 mod orders;
 mod words;
 
-use std::collections::{BTreeMap, VecDeque};
+use std::collections::VecDeque;
 use std::time::Duration;
 
 use tomoswarm_proto::{Lease, LegReport, Mode, Order, OrderKind, Revision, RunId, State, VehicleId};
 
 use super::Settings;
+use super::peers::{Peer, Peers, join_states};
 use super::sensor::Scan;
 use crate::actor::{Actor, Class, Fault, Input};
 use crate::geom::{Point, Pose, Segment, Track};
@@ -88,6 +91,8 @@ pub struct Vehicle {
     telemetry: Option<(Time, Telemetry)>,
     leg: Option<Leg>,
     halted: bool,
+    /// An order to hold or to land stands.
+    held: bool,
     emergency: bool,
     accepted: (RunId, Revision),
     ordered: (Lease, Revision),
@@ -95,7 +100,7 @@ pub struct Vehicle {
     /// When recent states were made, to judge the age of orders by.
     made: VecDeque<(u64, Time)>,
     published: Option<(Time, Mode)>,
-    peers: BTreeMap<VehicleId, State>,
+    peers: Peers,
     bumps: Vec<Bump>,
     silent_reported: bool,
 }
@@ -110,17 +115,18 @@ impl Vehicle {
     /// Makes the actor of a vehicle that has not yet heard its autopilot.
     pub fn new(settings: Settings) -> Vehicle {
         Vehicle {
+            peers: Peers::new(settings.vehicle),
             settings,
             telemetry: None,
             leg: None,
             halted: false,
+            held: false,
             emergency: false,
             accepted: Default::default(),
             ordered: Default::default(),
             sequence: 0,
             made: VecDeque::new(),
             published: None,
-            peers: BTreeMap::new(),
             bumps: Vec::new(),
             silent_reported: false,
         }
@@ -132,7 +138,7 @@ impl Vehicle {
         self.trim_leg(now, telemetry);
         self.sequence += 1;
         self.made.push_back((self.sequence, now));
-        if self.made.len() > 256 {
+        while self.made.front().is_some_and(|(_, at)| now.since(*at) > ORDER_AGE) {
             self.made.pop_front();
         }
         let state = self.state(telemetry);
@@ -186,6 +192,7 @@ impl Vehicle {
         match telemetry.motion {
             Motion::Driving => Mode::Driving,
             Motion::Turning => Mode::Turning,
+            Motion::Resting if self.held => Mode::Held,
             Motion::Resting if self.halted => Mode::Halted,
             Motion::Resting => Mode::Idle,
         }
@@ -214,8 +221,9 @@ impl Vehicle {
     fn check(&self, now: Time, command: &Command) -> Result<(), Refusal> {
         let route = match command {
             Command::Hold => return Ok(()),
+            Command::Turn(heading) if !heading.radians().is_finite() => return Err(Refusal::NoRoute),
             Command::Turn(_) => None,
-            Command::Drive { route, .. } => Track::new(route.clone()),
+            Command::Drive { route, .. } => Some(track_of(route).ok_or(Refusal::NoRoute)?),
         };
         if self.emergency {
             return Err(Refusal::Emergency);
@@ -245,19 +253,17 @@ impl Vehicle {
         if !self.bumps.iter().filter(|bump| bump.until > now).all(clear) {
             return Err(Refusal::Bump);
         }
-        for peer in self.peers.values() {
+        for (vehicle, peer) in self.peers.iter() {
             if !self.keeps_clear_of(route, pose, peer) {
-                return Err(Refusal::Separation(peer.vehicle));
+                return Err(Refusal::Separation(vehicle));
             }
         }
         Ok(())
     }
 
     /// Tells whether a route keeps its distance from a peer, or at least leads away from it.
-    fn keeps_clear_of(&self, route: &Track, pose: Pose, peer: &State) -> bool {
-        let place = Point::from(peer.pose.at);
-        let claimed = peer.leg.iter().flat_map(|leg| leg.route.iter().map(|corner| Point::from(*corner)));
-        let Some(claim) = Track::new(std::iter::once(place).chain(claimed).collect()) else { return true };
+    fn keeps_clear_of(&self, route: &Track, pose: Pose, peer: &Peer) -> bool {
+        let Some(claim) = Track::new(peer.claim.clone()) else { return true };
         let nearest_m = route.distance_to(&claim);
         if nearest_m >= self.settings.safety.separation_m {
             return true;
@@ -326,8 +332,9 @@ impl Vehicle {
                 self.emergency = true;
                 self.stop(now, out);
             }
-            OrderKind::Start => self.emergency = false,
-            OrderKind::Hold | OrderKind::Return | OrderKind::Land => {}
+            OrderKind::Start => (self.emergency, self.held) = (false, false),
+            OrderKind::Hold | OrderKind::Land => self.held = true,
+            OrderKind::Return => self.held = false,
         }
         out.push(Out::Order(order));
     }
@@ -342,13 +349,12 @@ impl Vehicle {
             }
         }
     }
+}
 
-    fn peer(&mut self, state: State) {
-        let newer = |known: &State| (state.boot, state.sequence) > (known.boot, known.sequence);
-        if state.vehicle != self.settings.vehicle && self.peers.get(&state.vehicle).is_none_or(newer) {
-            self.peers.insert(state.vehicle, state);
-        }
-    }
+/// Makes a track of a route that leads somewhere; `None` for fewer than two corners or one that is not finite.
+fn track_of(route: &[Point]) -> Option<Track> {
+    let finite = route.iter().all(|corner| corner.x_m.is_finite() && corner.y_m.is_finite());
+    (route.len() >= 2 && finite).then(|| Track::new(route.to_vec())).flatten()
 }
 
 impl Actor for Vehicle {
@@ -361,7 +367,7 @@ impl Actor for Vehicle {
             In::Scan(scan) => self.scan(now, &scan, out),
             In::Command(command) => self.command(now, command, out),
             In::Order(order) => self.order(now, order, out),
-            In::Peer(state) => self.peer(state),
+            In::Peer(state) => self.peers.take(now, &state),
             In::Accepted(run, revision) => self.accepted = (run, revision),
         }
         Ok(())
@@ -386,8 +392,8 @@ pub enum Key {
     Telemetry,
     /// The mission's command.
     Command,
-    /// Orders join by strength.
-    Order,
+    /// Orders to one vehicle join by strength; those to others are not obeyed, and replace none to this one.
+    Order(VehicleId),
     /// The state of one peer.
     Peer(VehicleId),
     /// The accepted plan.
@@ -402,7 +408,7 @@ impl Input for In {
             In::Telemetry(_) => Class::Latest(Key::Telemetry),
             In::Scan(_) => Class::Queue,
             In::Command(_) => Class::Latest(Key::Command),
-            In::Order(_) => Class::Latest(Key::Order),
+            In::Order(order) => Class::Latest(Key::Order(order.vehicle)),
             In::Peer(state) => Class::Latest(Key::Peer(state.vehicle)),
             In::Accepted(..) => Class::Latest(Key::Accepted),
         }
@@ -411,6 +417,7 @@ impl Input for In {
     fn join(unread: In, newer: In) -> In {
         match (unread, newer) {
             (In::Order(unread), In::Order(newer)) => In::Order(join_orders(unread, newer)),
+            (In::Peer(unread), In::Peer(newer)) => In::Peer(join_states(unread, newer)),
             (_, newer) => newer,
         }
     }

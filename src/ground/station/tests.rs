@@ -139,3 +139,71 @@ fn who_does_not_follow_its_plan_is_planned_for_anew() {
     silent.succession.as_mut().unwrap().stop();
     assert_eq!(next_note(&mut silent, 60.0), Some(Note::Replans(RUN)));
 }
+
+fn starts(out: &[Out]) -> bool {
+    let is_start = |out: &Out| {
+        let Out::Publish(Message::Order(order)) = out else { return false };
+        order.kind == OrderKind::Start
+    };
+    out.iter().any(is_start)
+}
+
+/// Everything said within a while.
+fn said_within(station: &mut Station, within_s: f64) -> Vec<Out> {
+    let mut out = Vec::new();
+    let until = station.deadline().unwrap().at + Duration::from_secs_f64(within_s);
+    while let Some(deadline) = station.deadline().filter(|deadline| deadline.at < until) {
+        station.wake(deadline.at, &mut out).unwrap();
+    }
+    out
+}
+
+#[test]
+fn what_the_operator_has_stopped_only_the_operator_starts() {
+    for kind in [OrderKind::Hold, OrderKind::Return, OrderKind::Land, OrderKind::Emergency] {
+        let mut station = running();
+        told(&mut station, 10.0, In::Wish(Wish::Order(kind)));
+        let mut out = told(&mut station, 10.0, In::Wish(Wish::Sweep { run: RunId(3), empty: None }));
+        out.extend(said_within(&mut station, 3000.0));
+        assert!(!starts(&out), "{kind:?}");
+        assert!(!out.iter().any(|out| matches!(out, Out::Note(_) | Out::Ask(_))), "{kind:?}");
+        assert!(starts(&told(&mut station, 4000.0, In::Wish(Wish::Order(OrderKind::Start)))), "{kind:?}");
+    }
+}
+
+#[test]
+fn an_order_stands_too_while_a_sweep_is_being_stopped_or_only_wished() {
+    let mut stopping = station();
+    told(&mut stopping, 0.1, In::Wish(Wish::Sweep { run: RUN, empty: None }));
+    told(&mut stopping, 0.2, In::Wish(Wish::Order(OrderKind::Emergency)));
+    told(&mut stopping, 0.3, state());
+    let mut out = said_within(&mut stopping, 600.0);
+    out.extend(told(&mut stopping, 601.0, progress(1, None)));
+    out.extend(said_within(&mut stopping, 600.0));
+    assert!(!starts(&out) && !out.iter().any(|out| matches!(out, Out::Ask(_))));
+}
+
+#[test]
+fn after_a_return_everyone_is_planned_for_anew_and_after_a_hold_the_plan_goes_on() {
+    let empties = |out: &[Out]| {
+        out.iter().any(|out| matches!(out, Out::Publish(Message::Plan(plan)) if plan.stops.is_empty()))
+    };
+    for (kind, anew) in [(OrderKind::Hold, false), (OrderKind::Return, true)] {
+        let mut station = running();
+        told(&mut station, 10.0, In::Wish(Wish::Order(kind)));
+        said_within(&mut station, 600.0);
+        let mut out = told(&mut station, 700.0, In::Wish(Wish::Order(OrderKind::Start)));
+        out.extend(said_within(&mut station, 100.0));
+        assert_eq!(empties(&out), anew, "{kind:?}");
+    }
+}
+
+#[test]
+fn what_was_done_under_another_revision_is_no_lap() {
+    let mut station = running();
+    told(&mut station, 10.0, progress(1, Some(2)));
+    station.fleet = Fleet::new(&[ONE], Lease { number: 1, holder: 1 });
+    told(&mut station, 10.0, state());
+    told(&mut station, 10.0, progress(1, Some(2)));
+    assert_eq!(next_note(&mut station, 60.0), None);
+}

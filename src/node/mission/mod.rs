@@ -18,15 +18,16 @@ mod look;
 mod pilot;
 mod way;
 
-use std::collections::BTreeMap;
 use std::time::Duration;
 
 use tomoswarm_proto::{
-    Mode, Order, OrderKind, Plan, Progress, Revision, RunId, State, Stop, StopId, TileReport, VehicleId,
+    LayerId, Order, OrderKind, Plan, Progress, Revision, RunId, State, Stop, StopId, TileAddress, TileReport,
+    VehicleId,
 };
 
 use self::pilot::{Met, Pilot};
 use super::Settings;
+use super::peers::{Peers, join_states};
 use super::vehicle::{self, Command};
 use crate::actor::{Actor, Class, Fault, Input};
 use crate::geom::Point;
@@ -59,8 +60,8 @@ pub enum In {
     State(State),
     /// Where a peer is.
     Peer(State),
-    /// Tiles that changed.
-    Tiles(Vec<TileReport>),
+    /// A tile that changed.
+    Tile(TileReport),
     /// A plan, own or a peer's.
     Plan(Plan),
     /// How far a peer is.
@@ -95,6 +96,8 @@ pub enum Remark {
     Adopted(RunId, Revision),
     /// A new revision does not fit.
     Refused(Refusal),
+    /// The own plan leads out of the fence, here: it is not taken.
+    Outside(Point),
     /// Something unknown is looked at.
     Looks(Point),
     /// Something stands on the way.
@@ -132,20 +135,15 @@ pub struct Mission {
     follower: Option<Follower>,
     pilot: Pilot,
     wanted: Wanted,
-    peers: BTreeMap<VehicleId, Peer>,
+    peers: Peers,
     said: Progress,
     said_measure: Option<RunId>,
     finished: bool,
+    /// The plan last refused since it leads out of the fence.
+    outside: Option<(RunId, Revision)>,
     /// Stops given up since one was reached.
     skips: u32,
     repeat_at: Time,
-}
-
-#[derive(Clone, Copy, Debug)]
-struct Peer {
-    at: Point,
-    resting: bool,
-    moved_at: Time,
 }
 
 impl Mission {
@@ -155,14 +153,15 @@ impl Mission {
         let repeat_at = Time::ZERO + REPEAT_EVERY + Duration::from_millis(53) * u32::from(settings.vehicle.0);
         Mission {
             pilot: Pilot::new(settings.clone()),
+            peers: Peers::new(settings.vehicle),
             settings,
             state: None,
             follower: None,
             wanted: Wanted::Waiting,
-            peers: BTreeMap::new(),
             said,
             said_measure: None,
             finished: false,
+            outside: None,
             skips: 0,
             repeat_at,
         }
@@ -259,7 +258,7 @@ impl Mission {
 
     fn drive(&mut self, now: Time, out: &mut Vec<Out>) {
         let Some(state) = &self.state else { return };
-        let resting = self.peers.values().filter(|peer| peer.resting).map(|peer| peer.at);
+        let resting = self.peers.iter().filter(|(_, peer)| peer.resting).map(|(_, peer)| peer.at);
         self.pilot.keep_clear_of(resting.collect());
         let mut met = Vec::new();
         let command = self.pilot.advance(now, state, &mut met);
@@ -318,22 +317,20 @@ impl Mission {
 
     /// Vehicles return one after the other: all lower ids have been at rest, longer the more there are.
     fn lower_ids_are_quiet(&self, now: Time, ordered: Time) -> bool {
-        let lower: Vec<&Peer> = self.peers.range(..self.settings.vehicle).map(|(_, peer)| peer).collect();
-        let quiet = QUIET * lower.len() as u32;
-        lower.iter().all(|peer| peer.resting && now.since(peer.moved_at.max(ordered)) >= quiet)
-    }
-
-    fn peer(&mut self, now: Time, state: &State) {
-        if state.vehicle == self.settings.vehicle {
-            return;
-        }
-        let resting = state.leg.is_none() && !matches!(state.mode, Mode::Driving | Mode::Turning);
-        let moved_at = self.peers.get(&state.vehicle).map_or(now, |peer| peer.moved_at);
-        let moved_at = if resting { moved_at } else { now };
-        self.peers.insert(state.vehicle, Peer { at: state.pose.at.into(), resting, moved_at });
+        let own = self.settings.vehicle;
+        let lower = || self.peers.iter().take_while(|(id, _)| *id < own).map(|(_, peer)| peer);
+        let quiet = QUIET * lower().count() as u32;
+        lower().all(|peer| peer.resting && now.since(peer.moved_at.max(ordered)) >= quiet)
     }
 
     fn plan(&mut self, plan: &Plan, out: &mut Vec<Out>) {
+        if let Some(at) = self.leads_outside(plan) {
+            let edition = (plan.run, plan.revision);
+            if self.outside.replace(edition) != Some(edition) {
+                out.push(Out::Remark(Remark::Outside(at)));
+            }
+            return;
+        }
         let Some(follower) = &mut self.follower else { return };
         let before = follower.refusal().cloned();
         match follower.offer(plan) {
@@ -343,6 +340,13 @@ impl Mission {
             Verdict::Adopted | Verdict::Refused(_) | Verdict::Old | Verdict::Kept => {}
         }
         self.report(out);
+    }
+
+    /// Gives the first place of the own plan that lies outside the fence.
+    fn leads_outside(&self, plan: &Plan) -> Option<Point> {
+        let own = plan.stops.iter().filter(|_| plan.vehicle == self.settings.vehicle);
+        let mut places = own.flat_map(|stop| stop.route.iter().chain([&stop.at])).map(|at| Point::from(*at));
+        places.find(|at| !self.settings.fence.contains(*at))
     }
 
     /// A new revision is followed: what was left of the old way is given up.
@@ -436,8 +440,8 @@ impl Actor for Mission {
     fn handle(&mut self, now: Time, input: In, out: &mut Vec<Out>) -> Result<(), Fault> {
         match input {
             In::State(state) => self.state(now, state, out),
-            In::Peer(state) => self.peer(now, &state),
-            In::Tiles(tiles) => self.pilot.learn(&tiles),
+            In::Peer(state) => self.peers.take(now, &state),
+            In::Tile(tile) => self.pilot.learn(&tile),
             In::Plan(plan) => self.plan(&plan, out),
             In::Progress(progress) => {
                 if let Some(follower) = &mut self.follower {
@@ -473,8 +477,14 @@ pub enum Key {
     State,
     /// The state of one peer.
     Peer(VehicleId),
+    /// A tile of a layer.
+    Tile(LayerId, TileAddress),
     /// The plan of one vehicle.
     Plan(VehicleId),
+    /// The progress of one vehicle.
+    Progress(VehicleId),
+    /// Accepted orders join by strength.
+    Order,
 }
 
 impl Input for In {
@@ -485,14 +495,25 @@ impl Input for In {
             In::State(_) => Class::Latest(Key::State),
             In::Peer(state) => Class::Latest(Key::Peer(state.vehicle)),
             In::Plan(plan) => Class::Latest(Key::Plan(plan.vehicle)),
-            In::Tiles(_) | In::Progress(_) | In::Order(_) | In::Remark(_) => Class::Queue,
+            In::Tile(tile) => Class::Latest(Key::Tile(tile.layer, tile.address)),
+            In::Progress(progress) => Class::Latest(Key::Progress(progress.vehicle)),
+            In::Order(_) => Class::Latest(Key::Order),
+            In::Remark(_) => Class::Queue,
         }
     }
 
     fn join(unread: In, newer: In) -> In {
         let edition = |plan: &Plan| (plan.run, plan.revision);
+        let step = |progress: &Progress| (progress.run, progress.revision, progress.done, progress.leg);
         match (unread, newer) {
             (In::Plan(unread), In::Plan(newer)) if edition(&unread) > edition(&newer) => In::Plan(unread),
+            // Tiles and progress may overtake each other: the higher revision stays.
+            (In::Tile(unread), In::Tile(newer)) if unread.revision > newer.revision => In::Tile(unread),
+            (In::Progress(unread), In::Progress(newer)) if step(&unread) > step(&newer) => {
+                In::Progress(unread)
+            }
+            (In::Peer(unread), In::Peer(newer)) => In::Peer(join_states(unread, newer)),
+            (In::Order(unread), In::Order(newer)) => In::Order(vehicle::join_orders(unread, newer)),
             (_, newer) => newer,
         }
     }

@@ -19,7 +19,7 @@ use super::look::{Look, Next};
 use super::way::Way;
 use crate::geom::{Angle, Point, Pose, Rect, Segment};
 use crate::map::{CellRect, Merged};
-use crate::plan::{Corridor, Grid, Release, Rules, shortest_route};
+use crate::plan::{Corridor, Grid, MAX_GRID_CELLS, Release, Rules, shortest_route};
 use crate::time::{Deadline, Time};
 
 /// How far ahead the strip is judged, metres.
@@ -138,12 +138,10 @@ impl Pilot {
         }
     }
 
-    /// Takes tiles of the map actor.
-    pub fn learn(&mut self, tiles: &[TileReport]) {
-        for tile in tiles {
-            // The map actor has checked them; one that is known already changes nothing.
-            let _ = self.map.join(tile);
-        }
+    /// Takes a tile of the map actor.
+    pub fn learn(&mut self, tile: &TileReport) {
+        // The map actor has checked it; one that is known already changes nothing.
+        let _ = self.map.join(tile);
     }
 
     /// Gives the way ahead.
@@ -473,6 +471,10 @@ impl Pilot {
     fn path(&self, now: Time, pose: Pose, goal: Point, unknown_allowed: bool) -> Option<Vec<Point>> {
         let rules = Rules { escape_m: ESCAPE_M, ..Rules::default() };
         let area = CellRect::around(self.settings.lattice, &[pose.at, goal], SEARCH_MARGIN_M)?;
+        // Before the view: that of a far-off place would be as large as the way to it.
+        if area.width_cells().saturating_mul(area.height_cells()) > MAX_GRID_CELLS {
+            return None;
+        }
         let view = self.map.view(self.settings.slice, area);
         let mut grid = Grid::of_map(&view, area, self.half_width_m(pose), unknown_allowed).ok()?;
         self.close(&mut grid, now, pose, goal);

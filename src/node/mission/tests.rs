@@ -1,6 +1,6 @@
 //! What the mission actor does with plans, orders and what is in its way; its map is known free around the datum.
 
-use tomoswarm_proto::{Lease, Position, TILE_CELLS, TileAddress};
+use tomoswarm_proto::{Lease, Mode, Position, TILE_CELLS, TileAddress};
 
 use super::super::tests_support::{settings, state};
 use super::*;
@@ -18,7 +18,7 @@ fn told(mission: &mut Mission, time_s: f64, input: In) -> Vec<Out> {
 }
 
 /// Tiles that are free for 6 m around the datum, but for what lies in `wall` (x from, x to, metres).
-fn tiles(wall: Option<(f64, f64)>) -> In {
+fn tiles(wall: Option<(f64, f64)>) -> Vec<In> {
     let cell = |x: i32, index: usize| {
         let middle_m = (f64::from(x * 32 + (index % 32) as i32) + 0.5) * 0.2;
         if wall.is_some_and(|(from, to)| (from..to).contains(&middle_m)) { 17 } else { -17 }
@@ -29,7 +29,7 @@ fn tiles(wall: Option<(f64, f64)>) -> In {
         revision: 1,
         cells: (0..TILE_CELLS).map(|index| cell(x, index)).collect(),
     };
-    In::Tiles((-1..1).flat_map(|x| (-1..1).map(move |y| tile(x, y))).collect())
+    (-1..1).flat_map(|x| (-1..1).map(move |y| (x, y))).map(|(x, y)| In::Tile(tile(x, y))).collect()
 }
 
 fn plan(revision: u32, stops: &[(f64, f64)]) -> In {
@@ -57,7 +57,9 @@ fn order(kind: OrderKind) -> In {
 fn planned(wall: Option<(f64, f64)>) -> Mission {
     let mut mission = Mission::new(settings(1));
     told(&mut mission, 1.0, In::State(state(1, 0.0, 0.0)));
-    told(&mut mission, 1.0, tiles(wall));
+    for tile in tiles(wall) {
+        told(&mut mission, 1.0, tile);
+    }
     told(&mut mission, 1.0, plan(1, &[]));
     let out = told(&mut mission, 1.0, plan(2, &[(2.0, 0.0), (2.0, 2.0)]));
     assert!(out.contains(&Out::Accepted(RUN, Revision(2))), "{out:?}");
@@ -130,11 +132,68 @@ fn a_blocked_route_is_planned_anew_and_a_closed_one_is_said() {
 fn the_way_home_waits_until_lower_ids_are_quiet() {
     let mut mission = Mission::new(settings(2));
     told(&mut mission, 1.0, In::State(state(2, 2.0, 0.0)));
-    told(&mut mission, 1.0, tiles(None));
+    for tile in tiles(None) {
+        told(&mut mission, 1.0, tile);
+    }
     told(&mut mission, 1.0, In::Peer(State { mode: Mode::Driving, ..state(1, 5.0, 5.0) }));
     told(&mut mission, 2.0, order(OrderKind::Return));
     let drives = |out: &Out| matches!(out, Out::Command(Command::Drive { .. }));
     assert_eq!(until(&mut mission, 2.0, 2.0, drives), None);
-    told(&mut mission, 70.0, In::Peer(state(1, 5.0, 5.0)));
+    told(&mut mission, 70.0, In::Peer(State { sequence: 2, ..state(1, 5.0, 5.0) }));
     assert!(until(&mut mission, 70.0, 2.0, drives).is_some());
+}
+
+#[test]
+fn neither_an_order_nor_a_tile_is_lost_to_a_slow_mission() {
+    let mut seat = crate::actor::Seat::new(planned(None));
+    seat.push(order(OrderKind::Hold));
+    for tile in tiles(Some((1.4, 1.8))) {
+        seat.push(tile);
+    }
+    for revision in 1..2000 {
+        let progress =
+            Progress { vehicle: VehicleId(2), revision: Revision(revision), ..Progress::default() };
+        seat.push(In::Progress(progress));
+        seat.push(tiles(None).remove(0));
+    }
+    assert_eq!(seat.dropped(), 0);
+    let mut out = Vec::new();
+    seat.act(at(2.0), |said| out.push(said)).unwrap();
+    assert!(out.contains(&Out::Command(Command::Hold)), "{out:?}");
+}
+
+#[test]
+fn a_plan_out_of_the_fence_is_refused_once_and_the_old_one_followed() {
+    let mut mission = planned(None);
+    let out = told(&mut mission, 1.5, plan(3, &[(2.0, 0.0), (26.0, 0.0)]));
+    assert_eq!(out, [Out::Remark(Remark::Outside(Point::new(26.0, 0.0)))]);
+    assert_eq!(told(&mut mission, 6.5, plan(3, &[(2.0, 0.0), (26.0, 0.0)])), [], "repeated by the ground");
+    assert!(driven(&told(&mut mission, 7.0, order(OrderKind::Start))).is_some());
+}
+
+#[test]
+fn a_peer_whose_old_state_comes_late_is_still_driving() {
+    let mut mission = Mission::new(settings(2));
+    told(&mut mission, 1.0, In::State(state(2, 2.0, 0.0)));
+    for tile in tiles(None) {
+        told(&mut mission, 1.0, tile);
+    }
+    told(&mut mission, 1.0, In::Peer(State { mode: Mode::Driving, sequence: 9, ..state(1, 5.0, 5.0) }));
+    told(&mut mission, 1.1, In::Peer(State { sequence: 8, ..state(1, 5.0, 5.0) }));
+    told(&mut mission, 2.0, order(OrderKind::Return));
+    let drives = |out: &Out| matches!(out, Out::Command(Command::Drive { .. }));
+    assert_eq!(until(&mut mission, 4.0, 2.0, drives), None);
+}
+
+#[test]
+#[allow(clippy::disallowed_methods, reason = "the work itself is measured")]
+fn a_place_far_away_is_not_searched_for() {
+    let mut pilot = Pilot::new(settings(1));
+    let Some(In::Tile(tile)) = tiles(None).pop() else { panic!("a tile") };
+    pilot.learn(&tile);
+    let begin = std::time::Instant::now();
+    for _ in 0..20 {
+        assert!(!pilot.can_reach(at(1.0), &state(1, 0.0, 0.0), Point::new(9e5, 9e5)));
+    }
+    assert!(begin.elapsed() < Duration::from_secs(1), "{:?}", begin.elapsed());
 }

@@ -2,12 +2,12 @@
 
 use tomoswarm_proto::{Order, OrderKind};
 
-/// Joins two unread orders: within one lease and run the stronger kind wins, otherwise the newer order.
+/// Joins two unread orders: within one lease the stronger kind wins, otherwise the order of the greater lease.
 ///
 /// emergency > land > return > hold > start; the joined order carries the higher revision, so that
 /// neither of the two comes back.
 pub fn join_orders(unread: Order, newer: Order) -> Order {
-    if (unread.lease, unread.run) != (newer.lease, newer.run) {
+    if unread.lease != newer.lease {
         return if unread.lease > newer.lease { unread } else { newer };
     }
     let kind = stronger(unread.kind, newer.kind);

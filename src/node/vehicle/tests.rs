@@ -188,3 +188,67 @@ fn unread_orders_join_to_the_stronger_and_the_newer_revision() {
     check(of(OrderKind::Emergency, 1), taken_over, taken_over);
     check(taken_over, of(OrderKind::Emergency, 1), taken_over);
 }
+
+#[test]
+fn an_unread_emergency_is_not_lost_to_an_order_for_another_vehicle_or_run() {
+    let check = |newer: Order| {
+        let mut seat = crate::actor::Seat::new(vehicle());
+        seat.push(In::Order(order(OrderKind::Emergency, LEASE, 1, 0)));
+        seat.push(In::Order(newer));
+        let mut out = Vec::new();
+        seat.act(at(1.1), |said| out.push(said)).unwrap();
+        assert!(stops(&out), "{newer:?}");
+    };
+    check(Order { vehicle: VehicleId(2), ..order(OrderKind::Start, LEASE, 2, 1) });
+    check(Order { run: RunId(0), ..order(OrderKind::Start, LEASE, 2, 1) });
+    check(Order { run: RunId(7), ..order(OrderKind::Hold, LEASE, 2, 1) });
+}
+
+#[test]
+fn a_drive_without_a_way_never_reaches_the_autopilot() {
+    let routes: [&[(f64, f64)]; 5] = [
+        &[],
+        &[(0.0, 0.0)],
+        &[(0.0, 0.0), (f64::NAN, 1.0)],
+        &[(f64::NAN, 0.0), (1.0, 0.0)],
+        &[(0.0, 0.0), (1.0, f64::INFINITY)],
+    ];
+    for route in routes {
+        let out = told(&mut vehicle(), 1.1, drive(route));
+        assert!(out.iter().all(|out| !matches!(out, Out::Fly(_))), "{route:?}: {out:?}");
+        assert!(refusal(&out).is_some(), "{route:?}");
+    }
+}
+
+#[test]
+fn a_held_vehicle_says_so_until_it_is_started_or_sent_home() {
+    let mode = |vehicle: &mut Vehicle, speed_mps: f64| {
+        let out = told(vehicle, 1.2, telemetry(0.0, speed_mps, 0.05));
+        out.iter()
+            .find_map(|out| match out {
+                Out::State(state) => Some(state.mode),
+                Out::Remark(_) | Out::Fly(_) | Out::Publish(_) | Out::Order(_) => None,
+            })
+            .unwrap()
+    };
+    for held in [OrderKind::Hold, OrderKind::Land] {
+        for freed in [OrderKind::Start, OrderKind::Return] {
+            let mut vehicle = vehicle();
+            told(&mut vehicle, 1.1, In::Order(order(held, LEASE, 1, 1)));
+            assert_eq!(mode(&mut vehicle, 0.3), Mode::Driving, "it still brakes");
+            assert_eq!(mode(&mut vehicle, 0.0), Mode::Held);
+            told(&mut vehicle, 1.2, In::Order(order(freed, LEASE, 2, 1)));
+            assert_eq!(mode(&mut vehicle, 0.0), Mode::Idle);
+        }
+    }
+}
+
+#[test]
+fn an_order_is_judged_by_the_age_of_its_state_however_often_states_are_made() {
+    let mut vehicle = vehicle();
+    for tick in 0..1000 {
+        told(&mut vehicle, 2.0 + 0.01 * f64::from(tick), telemetry(0.0, 0.0, 0.05));
+    }
+    assert!(obeyed(&told(&mut vehicle, 12.0, In::Order(order(OrderKind::Start, LEASE, 1, 2)))), "10 s old");
+    assert!(!obeyed(&told(&mut vehicle, 18.0, In::Order(order(OrderKind::Start, LEASE, 2, 2)))), "16 s old");
+}

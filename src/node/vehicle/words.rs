@@ -102,6 +102,8 @@ pub enum Refusal {
     NoPose,
     /// The pose deviation is too large.
     PoseUncertain,
+    /// The route has fewer than two corners, or one that is not finite.
+    NoRoute,
     /// The route does not begin where the vehicle is.
     NotHere,
     /// The route leaves the fence.
