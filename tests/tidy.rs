@@ -17,7 +17,7 @@ fn may_use(module: &str) -> Option<Vec<&'static str>> {
         "geom" => joined(&[&["time"]]),
         "map" | "tomo" | "sweep" | "scene" => joined(&[L0]),
         "plan" => joined(&[L0, &["map"]]),
-        "config" => joined(&[L0, &["plan"]]),
+        "config" => joined(&[L0, &["map", "plan"]]),
         "draw" => joined(&[L0, &["tomo", "map", "scene"]]),
         "actor" => joined(&[L0, L1]),
         "node" => joined(&[L0, L1, &["actor"]]),

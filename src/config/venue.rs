@@ -1,9 +1,12 @@
 //! The shared description of a place: every node of a swarm reads the same venue file, and its hash
 //! is how they notice when they do not. Knows nothing of what stands there (that is the scene).
 
+use tomoswarm_proto::TILE_SIDE;
+
 use super::outline::{CORNERS, simple_polygon};
 use super::section::{COORDINATE_M, Section};
 use crate::geom::{Bearing, Point, Polygon, Rect, Segment};
+use crate::map::REACH_TILES;
 
 /// The most homes of a venue; vehicle ids are one byte.
 const MOST_HOMES: usize = 250;
@@ -162,6 +165,12 @@ fn check_area(root: &Section, venue: &Venue) {
     if longest_m / venue.cell_m > MOST_CELLS_A_SIDE {
         let wrong = format!("the fence is {longest_m} m long, over {MOST_CELLS_A_SIDE} cells");
         root.refuse("fence_m", &wrong, "make cell_m larger or the fence smaller");
+    }
+    let reach_m = f64::from(REACH_TILES) * TILE_SIDE as f64 * venue.cell_m;
+    let is_far = |corner: &Point| corner.x_m.abs().max(corner.y_m.abs()) >= reach_m;
+    if venue.fence.corners().iter().any(is_far) {
+        let wrong = format!("the fence lies beyond the map, which reaches {reach_m:.0} m from the datum");
+        root.refuse("fence_m", &wrong, "put the datum nearer to the place, or make cell_m larger");
     }
 }
 

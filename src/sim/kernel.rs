@@ -204,6 +204,17 @@ impl Kernel {
             Event::Touch(touch) => {
                 if let Some(collision) = self.world.touch(&touch) {
                     self.log_collision(&collision);
+                    let with =
+                        collision.with.map_or("the scene".to_owned(), |peer| format!("vehicle {peer}"));
+                    let at = collision.place;
+                    self.record.failure.get_or_insert(format!(
+                        "vehicle {} touched {with} after {:.0} s at {:.2}, {:.2} m",
+                        collision.vehicle,
+                        self.now.as_secs_f64(),
+                        at.x_m,
+                        at.y_m
+                    ));
+                    self.end();
                 }
                 Ok(())
             }

@@ -201,9 +201,10 @@ impl Mission {
         if let Some(follower) = &mut self.follower {
             follower.wake(now);
         }
-        // Who gets nowhere lets the ground plan anew from here.
+        // Who gets nowhere lets the ground plan anew from here; who is asked to change its plan does so where it rests.
         let commanded = out.iter().any(|said| matches!(said, Out::Command(_)));
-        if self.pilot.failures() >= FAILURES_MAX && !commanded {
+        let is_asked = matches!(self.waits_for(), Some(WaitsFor::Revision { .. }));
+        if (self.pilot.failures() >= FAILURES_MAX || is_asked) && !commanded {
             self.stay();
         }
     }
