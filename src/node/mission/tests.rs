@@ -1,6 +1,6 @@
 //! What the mission actor does with plans, orders and what is in its way; its map is known free around the datum.
 
-use tomoswarm_proto::{Lease, Mode, Position, TILE_CELLS, TileAddress};
+use tomoswarm_proto::{Lease, Mode, Position, Stop, TILE_CELLS, TileAddress};
 
 use super::super::tests_support::{settings, state};
 use super::*;
