@@ -17,37 +17,26 @@
 //!
 //! Deadline: `repeat` (state is published and repeated, nobody asks and waits).
 
+mod phases;
+
 use std::time::Duration;
 
 use tomoswarm_proto::{
-    LayerId, Lease, Message, OrderKind, Progress, RunId, Samples, StopId, TileAddress, TileReport, VehicleId,
-    Want,
+    LayerId, Lease, Message, OrderKind, RunId, Samples, StopId, TileAddress, TileReport, VehicleId, Want,
 };
 
-use super::fleet::{Fleet, Member};
-use super::imager::{Job, Subject};
+use super::fleet::Fleet;
+use super::imager::Job;
 use super::planner::{Answer, Request};
 use super::samples::SampleStore;
 use crate::actor::{Actor, Class, Fault, Input};
-use crate::geom::{Lattice, Point};
+use crate::geom::Lattice;
 use crate::map::Merged;
-use crate::sweep::{self, Succession};
+use crate::sweep::Succession;
 use crate::time::{Deadline, Time};
 
 /// Everything is looked at and repeated this often.
 const TICK: Duration = Duration::from_secs(1);
-/// Plans are repeated this often until every vehicle shows them.
-const PLAN_EVERY: Duration = Duration::from_secs(5);
-/// Plans that every vehicle shows are repeated this often, for one that restarts.
-const SHOWN_PLAN_EVERY: Duration = Duration::from_secs(60);
-/// A revision that somebody does not follow after this long is replaced.
-const ADOPTED_WITHIN: Duration = Duration::from_secs(30);
-/// When no vehicle has done a stop for so long, everyone is planned for anew; the second time, given up.
-const STALLED_AFTER: Duration = Duration::from_secs(420);
-/// Time for the last samples to come in after the last stop.
-const CLOSING: Duration = Duration::from_secs(3);
-/// Gaps in the samples are waited for at most this long.
-const CLOSING_MAX: Duration = Duration::from_secs(60);
 /// Wants sent for one digest.
 const WANTS: usize = 64;
 /// Tiles sent for one want.
@@ -288,19 +277,6 @@ impl Station {
         }
     }
 
-    /// The operator's Start: what was held goes on; who was sent elsewhere is planned for anew from there.
-    fn go_on(&mut self, now: Time, out: &mut Vec<Out>) {
-        let stood = self.standing.take();
-        self.planned_at = now;
-        match (stood, &self.phase) {
-            (Some(OrderKind::Return | OrderKind::Land | OrderKind::Emergency), Phase::Running(sweep, _)) => {
-                let sweep = *sweep;
-                self.rest(now, sweep, out);
-            }
-            (Some(_) | None, _) => self.begin(now, out),
-        }
-    }
-
     fn run(&self) -> RunId {
         match &self.phase {
             Phase::Idle => RunId::default(),
@@ -308,64 +284,6 @@ impl Station {
             | Phase::Running(sweep, _)
             | Phase::Stopping(sweep)
             | Phase::Closing { sweep, .. } => sweep.run,
-        }
-    }
-
-    /// Begins a wished sweep once every vehicle has been heard and none is under way.
-    fn begin(&mut self, now: Time, out: &mut Vec<Out>) {
-        let is_free = matches!(self.phase, Phase::Idle) && self.standing.is_none();
-        if !is_free || !self.fleet.is_complete() {
-            return;
-        }
-        let Some(Wish::Sweep { run, empty }) = self.wished.take() else { return };
-        let highest = self.fleet.highest_revision(run);
-        self.succession = Some(Succession::new(run, &self.fleet.ids(), highest));
-        self.rest(now, Sweep { run, empty, laps_before: 0, laps_done: 0 }, out);
-    }
-
-    /// Brings everyone to rest by an empty revision, before plans are made from where they rest.
-    fn rest(&mut self, now: Time, sweep: Sweep, out: &mut Vec<Out>) {
-        if let Some(succession) = &mut self.succession {
-            succession.stop();
-        }
-        self.fleet.order_all(sweep.run, OrderKind::Start);
-        self.phase = Phase::Stopping(sweep);
-        self.publish_plans(now, out);
-        self.publish_orders(out);
-    }
-
-    /// Asks for plans from where the vehicles rest now.
-    fn ask(&mut self, sweep: Sweep, out: &mut Vec<Out>) {
-        let Some(succession) = &self.succession else { return };
-        let place = |(id, member): (VehicleId, &Member)| {
-            let (_, state) = member.state.as_ref()?;
-            Some((id, Point::from(state.pose.at)))
-        };
-        let places = self.fleet.members().filter_map(place).collect();
-        let (run, revision, first_lap) = (sweep.run, succession.next_revision(), sweep.laps_done);
-        out.push(Out::Ask(Request { run, revision, places, first_lap }));
-        self.phase = Phase::Planning(Sweep { laps_before: sweep.laps_done, ..sweep });
-    }
-
-    fn planned(&mut self, now: Time, answer: Answer, out: &mut Vec<Out>) {
-        let (Phase::Planning(sweep), Some(succession)) = (&self.phase, &mut self.succession) else { return };
-        let sweep = *sweep;
-        let begun = answer.plans.and_then(|plans| {
-            let stops = plans.iter().map(|plan| plan.stops.len()).sum();
-            succession.begin(plans).map(|_| stops).map_err(|error| error.to_string())
-        });
-        match begun {
-            Err(reason) => {
-                out.push(Out::Note(Note::NoPlan(reason)));
-                self.phase = Phase::Idle;
-            }
-            Ok(stops) => {
-                let laps = answer.laps.len();
-                out.push(Out::Note(Note::Planned { run: sweep.run, laps, stops }));
-                self.phase = Phase::Running(sweep, answer.laps);
-                self.planned_at = now;
-                self.publish_plans(now, out);
-            }
         }
     }
 
@@ -387,117 +305,6 @@ impl Station {
         self.look_after_plans(now, out);
         self.look_after_laps(now, out);
         self.close(now, out);
-    }
-
-    /// Repeats plans; stops everyone and plans anew when somebody cannot begin where its plan does.
-    fn look_after_plans(&mut self, now: Time, out: &mut Vec<Out>) {
-        let Some(succession) = &self.succession else { return };
-        let shown = succession.missing().next().is_none();
-        let is_free = self.standing.is_none();
-        match &self.phase {
-            Phase::Running(sweep, _) if is_free && !shown && now.since(self.planned_at) > ADOPTED_WITHIN => {
-                let sweep = *sweep;
-                out.push(Out::Note(Note::Replans(sweep.run)));
-                self.rest(now, sweep, out);
-            }
-            Phase::Running(sweep, _)
-                if is_free && now.since(self.got_on_at.max(self.planned_at)) > STALLED_AFTER =>
-            {
-                let sweep = *sweep;
-                self.stall(now, sweep, out);
-            }
-            Phase::Stopping(sweep) if is_free && succession.phase() == sweep::Phase::Stopped => {
-                let sweep = *sweep;
-                self.ask(sweep, out);
-            }
-            Phase::Running(..) | Phase::Stopping(_) => {
-                let every = if shown { SHOWN_PLAN_EVERY } else { PLAN_EVERY };
-                if now.since(self.plans_at) >= every {
-                    self.publish_plans(now, out);
-                }
-            }
-            Phase::Idle | Phase::Planning(_) | Phase::Closing { .. } => {}
-        }
-    }
-
-    /// Nobody gets on: plans everyone anew from where they rest, or gives the sweep up when that was done before.
-    fn stall(&mut self, now: Time, sweep: Sweep, out: &mut Vec<Out>) {
-        if !self.stalled {
-            self.stalled = true;
-            out.push(Out::Note(Note::Replans(sweep.run)));
-            self.rest(now, sweep, out);
-            return;
-        }
-        self.stalled = false;
-        out.push(Out::Note(Note::Stalled(sweep.run)));
-        self.fleet.order_all(sweep.run, OrderKind::Hold);
-        self.publish_orders(out);
-        self.phase = Phase::Idle;
-    }
-
-    fn look_after_laps(&mut self, now: Time, out: &mut Vec<Out>) {
-        let Phase::Running(sweep, laps) = &self.phase else { return };
-        let (mut sweep, wanted) = (*sweep, laps.len());
-        let done = laps.iter().take_while(|lap| self.is_done(sweep, lap)).count();
-        let finished = done == wanted;
-        if sweep.laps_before + done > sweep.laps_done {
-            sweep.laps_done = sweep.laps_before + done;
-            self.stalled = false;
-            let links = self.samples.links(sweep.run);
-            let (run, laps, samples) = (sweep.run, sweep.laps_done, self.samples.count(sweep.run));
-            out.push(Out::Note(Note::LapDone { run, laps, links: links.len(), samples }));
-            if !finished && let Some(empty) = sweep.empty {
-                out.push(Out::Reconstruct(self.change(sweep, links, empty)));
-            }
-        }
-        if finished {
-            self.phase = Phase::Closing { sweep, since: now };
-        } else if let Phase::Running(running, _) = &mut self.phase {
-            *running = sweep;
-        }
-    }
-
-    /// Tells whether every vehicle has done its last stop of a lap, under the present plans.
-    fn is_done(&self, sweep: Sweep, lap: &[(VehicleId, StopId)]) -> bool {
-        let plan = self.succession.iter().flat_map(Succession::plans).next();
-        let present = plan.map(|plan| (sweep.run, plan.revision));
-        lap.iter().all(|(vehicle, stop)| {
-            self.fleet.members().any(|(id, member)| {
-                let of_present = |progress: &Progress| Some((progress.run, progress.revision)) == present;
-                let progress = member.progress.filter(of_present);
-                id == *vehicle
-                    && progress.and_then(|progress| progress.done).is_some_and(|done| done >= *stop)
-            })
-        })
-    }
-
-    fn change(&self, sweep: Sweep, now: Vec<crate::tomo::Link>, empty: RunId) -> Job {
-        let empty = self.samples.links(empty);
-        Job { run: sweep.run, laps: sweep.laps_done, subject: Subject::Change, now, empty }
-    }
-
-    fn close(&mut self, now: Time, out: &mut Vec<Out>) {
-        let Phase::Closing { sweep, since } = self.phase else { return };
-        let waited = now.since(since);
-        if waited < CLOSING || (self.samples.has_gaps(sweep.run) && waited < CLOSING_MAX) {
-            return;
-        }
-        let links = self.samples.links(sweep.run);
-        let (run, samples) = (sweep.run, self.samples.count(sweep.run));
-        out.push(Out::Note(Note::RunClosed { run, links: links.len(), samples }));
-        if let Some(empty) = sweep.empty {
-            out.push(Out::Reconstruct(self.change(sweep, links.clone(), empty)));
-        }
-        let subject = Subject::Structure;
-        out.push(Out::Reconstruct(Job {
-            run,
-            laps: sweep.laps_done,
-            subject,
-            now: links,
-            empty: Vec::new(),
-        }));
-        self.phase = Phase::Idle;
-        self.begin(now, out);
     }
 }
 

@@ -16,12 +16,14 @@
 
 mod look;
 mod pilot;
+mod returning;
+mod skipping;
 mod way;
 
 use std::time::Duration;
 
 use tomoswarm_proto::{
-    LayerId, Order, OrderKind, Plan, Progress, Revision, RunId, State, Stop, StopId, TileAddress, TileReport,
+    LayerId, Order, OrderKind, Plan, Progress, Revision, RunId, State, StopId, TileAddress, TileReport,
     VehicleId,
 };
 
@@ -42,16 +44,8 @@ const ENTER_AHEAD_M: f64 = 3.0;
 const ENTER_FAR_M: f64 = 20.0;
 /// Searches in vain before a stop is given up.
 const FAILURES_MAX: u32 = 3;
-/// So many stops at the end of a plan may be given up although nothing behind them can be reached.
-const LAST_STOPS: usize = 4;
-/// So many stops in a row may be given up: beyond that the ring is closed off.
-const SKIPS_MAX: u32 = 16;
-/// So many stops behind those entered are tried before one is given up.
-const LOOK_STOPS: usize = 8;
 /// A plan may begin at most this far from where the vehicle stands, metres.
 const START_TOLERANCE_M: f64 = 0.5;
-/// Before it returns, a vehicle waits until all lower ids have been quiet this long, for each of them.
-const QUIET: Duration = Duration::from_secs(2);
 
 /// What the mission actor can be told.
 #[derive(Clone, PartialEq, Debug)]
@@ -223,33 +217,6 @@ impl Mission {
         }
     }
 
-    /// Gives up the next stop when neither it nor another one that may be entered can be reached, but one behind
-    /// them can: the others wait for this vehicle, and it would wait for them.
-    fn give_up_stop(&mut self, now: Time, out: &mut Vec<Out>) {
-        let (Some(state), Wanted::Following) = (&self.state, self.wanted) else { return };
-        let behind = self.stops_behind();
-        let reach = |stop: &Stop| self.pilot.can_reach(now, state, stop.at.into());
-        let is_end = behind.is_empty() && self.pilot.way().stops().count() <= LAST_STOPS;
-        if self.skips >= SKIPS_MAX || (!is_end && !behind.iter().take(LOOK_STOPS).any(reach)) {
-            return;
-        }
-        let place = Point::from(state.pose.at);
-        self.skips += 1;
-        for stop in self.pilot.skip(place) {
-            out.push(Out::Remark(Remark::Skipped(stop)));
-            self.done(now, stop, place);
-        }
-    }
-
-    /// The stops of the plan behind those that are entered.
-    fn stops_behind(&self) -> &[Stop] {
-        let Some(follower) = &self.follower else { return &[] };
-        let stops = follower.plan().map_or(&[][..], |plan| &plan.stops);
-        let last = follower.entered().last().map(|stop| stop.id);
-        let entered = stops.iter().position(|stop| Some(stop.id) == last);
-        entered.map_or(&[], |index| &stops[index + 1..])
-    }
-
     fn done(&mut self, now: Time, stop: StopId, place: Point) {
         if let Some(follower) = &mut self.follower {
             // Only a stop of a plan that was given up meanwhile is refused: then nobody waits for it.
@@ -298,30 +265,6 @@ impl Mission {
             // A newer revision may be adopted by that; `report` sees it.
             follower.hold(state.pose.at.into());
         }
-    }
-
-    fn bring_home(&mut self, now: Time, since: Time, under_way: bool, out: &mut Vec<Out>) {
-        let Some(state) = &self.state else { return };
-        if !under_way {
-            if state.leg.is_none() && self.lower_ids_are_quiet(now, since) {
-                self.pilot.go_home(now, state);
-                self.wanted = Wanted::Returning { since, under_way: true };
-            }
-            return;
-        }
-        self.drive(now, out);
-        if self.pilot.way().is_empty() {
-            self.wanted = Wanted::Waiting;
-            out.push(Out::Remark(Remark::Home));
-        }
-    }
-
-    /// Vehicles return one after the other: all lower ids have been at rest, longer the more there are.
-    fn lower_ids_are_quiet(&self, now: Time, ordered: Time) -> bool {
-        let own = self.settings.vehicle;
-        let lower = || self.peers.iter().take_while(|(id, _)| *id < own).map(|(_, peer)| peer);
-        let quiet = QUIET * lower().count() as u32;
-        lower().all(|peer| peer.resting && now.since(peer.moved_at.max(ordered)) >= quiet)
     }
 
     fn plan(&mut self, plan: &Plan, out: &mut Vec<Out>) {

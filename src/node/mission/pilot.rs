@@ -8,6 +8,8 @@
 //!      └─ end of the way reached ─► at rest
 //! ```
 
+mod search;
+
 use std::collections::VecDeque;
 use std::time::Duration;
 
@@ -19,7 +21,7 @@ use super::look::{Look, Next};
 use super::way::Way;
 use crate::geom::{Angle, Point, Pose, Rect, Segment};
 use crate::map::{CellRect, Merged};
-use crate::plan::{Corridor, Grid, MAX_GRID_CELLS, Release, Rules, shortest_route};
+use crate::plan::{Corridor, Release};
 use crate::time::{Deadline, Time};
 
 /// How far ahead the strip is judged, metres.
@@ -45,16 +47,10 @@ const LOOKS_MAX: u32 = 4;
 /// Places remembered to go back to, and how far apart they are, metres.
 const TRAIL: usize = 16;
 const TRAIL_STEP_M: f64 = 0.5;
-/// A place to go back to is at least this far away, metres.
-const RETREAT_M: f64 = 1.0;
 /// After so many refusals in a row, peers that stand are planned around.
 const REFUSALS_MAX: u32 = 4;
-/// Paths are searched in a rectangle this much larger than start and goal, metres.
-const SEARCH_MARGIN_M: f64 = 6.0;
 /// Bumps are looked for along the way in steps of this length, metres.
 const STEP_M: f64 = 0.1;
-/// A vehicle too near to something may leave it this far, metres.
-const ESCAPE_M: f64 = 1.0;
 
 /// What the pilot met.
 #[derive(Clone, PartialEq, Debug)]
@@ -404,51 +400,6 @@ impl Pilot {
         }
     }
 
-    /// Searches a path to the nearest corner ahead that can be reached; the result may be used later.
-    fn search(&mut self, now: Time, pose: Pose) {
-        let mut found = None;
-        if self.is_hemmed_in(now, pose) {
-            found = self.retreat(self.trail.iter().rev(), now, pose);
-        }
-        if found.is_none() {
-            found = self.detour(now, pose);
-        }
-        if found.is_none() && self.failures % 3 == 2 {
-            found = self.retreat(self.trail.iter(), now, pose);
-        }
-        self.retreat_m = None;
-        self.doing = Doing::Planning { ready: now + self.settings.path_time, found };
-    }
-
-    /// Searches a path to the first corner ahead that can be reached; with it, how many corners it replaces.
-    fn detour(&self, now: Time, pose: Pose) -> Option<(usize, Vec<Point>)> {
-        self.way.ahead().enumerate().find_map(|(index, corner)| {
-            let points = self.path(now, pose, corner.at, !self.looked)?;
-            Some((index + 1, points))
-        })
-    }
-
-    /// Searches a path to the first of the places from where the vehicle came that is some way back: things look
-    /// different from there.
-    fn retreat<'a>(
-        &self,
-        mut places: impl Iterator<Item = &'a Point>,
-        now: Time,
-        pose: Pose,
-    ) -> Option<(usize, Vec<Point>)> {
-        places.find_map(|place| {
-            let far = place.distance_to(pose.at) >= RETREAT_M;
-            far.then(|| self.path(now, pose, *place, true)).flatten().map(|points| (0, points))
-        })
-    }
-
-    /// Tells whether what made the reflex halt is so near that one must first back off from it.
-    fn is_hemmed_in(&self, now: Time, pose: Pose) -> bool {
-        let near_m = 2.0 * self.settings.lattice.cell_m();
-        let is_near = |bump: &Bump| bump.at.distance_to(pose.at) < bump.keep_m + near_m;
-        self.bumps.iter().any(|bump| bump.until > now && is_near(bump))
-    }
-
     /// Tells whether the way back out of a dead end has been driven.
     fn has_retreated(&self, release: &Release) -> bool {
         self.retreat_m.is_some_and(|end_m| self.way.along_m(end_m) - release.here_m < GO_M)
@@ -460,44 +411,6 @@ impl Pilot {
         }
         if self.trail.len() > TRAIL {
             self.trail.pop_front();
-        }
-    }
-
-    /// Tells whether a place could be reached, as far as is known; unknown cells count as free.
-    pub fn can_reach(&self, now: Time, state: &State, place: Point) -> bool {
-        self.path(now, Pose::from(state.pose), place, true).is_some()
-    }
-
-    fn path(&self, now: Time, pose: Pose, goal: Point, unknown_allowed: bool) -> Option<Vec<Point>> {
-        let rules = Rules { escape_m: ESCAPE_M, ..Rules::default() };
-        let area = CellRect::around(self.settings.lattice, &[pose.at, goal], SEARCH_MARGIN_M)?;
-        // Before the view: that of a far-off place would be as large as the way to it.
-        if area.width_cells().saturating_mul(area.height_cells()) > MAX_GRID_CELLS {
-            return None;
-        }
-        let view = self.map.view(self.settings.slice, area);
-        let mut grid = Grid::of_map(&view, area, self.half_width_m(pose), unknown_allowed).ok()?;
-        self.close(&mut grid, now, pose, goal);
-        shortest_route(&grid, pose.at, goal, &rules).ok().map(|route| route.points)
-    }
-
-    /// Closes what the map does not know: the fence, peers that stand, and what made the reflex halt. Where the
-    /// vehicle stands, or the goal lies, nearer than wished, that much must do.
-    fn close(&self, grid: &mut Grid, now: Time, pose: Pose, goal: Point) {
-        let cell_m = self.settings.lattice.cell_m();
-        let (fence, radius_m) = (&self.settings.fence, self.settings.body.radius_m);
-        let edge_m = fence.distance_to_edge(pose.at).min(fence.distance_to_edge(goal)) - cell_m;
-        let fence_m = self.half_width_m(pose).min(edge_m).max(radius_m);
-        grid.close_where(|place| !fence.contains_disc(place, fence_m));
-        let mut keep = |at: Point, keep_m: f64| {
-            let keep_m = (keep_m + cell_m).min(at.distance_to(pose.at) - cell_m);
-            grid.close_within(Segment::new(at, at), keep_m);
-        };
-        for peer in &self.peers {
-            keep(*peer, self.settings.safety.separation_m);
-        }
-        for bump in self.bumps.iter().filter(|bump| bump.until > now) {
-            keep(bump.at, bump.keep_m);
         }
     }
 
