@@ -3,6 +3,7 @@
 mod image {
     mod command;
     mod phantoms;
+    mod score;
     mod two_persons;
     mod world;
 }

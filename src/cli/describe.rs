@@ -114,14 +114,16 @@ fn sim_lines(sim: &Sim) -> Vec<Line> {
     let mut list = venue_lines(&sim.venue);
     list.extend(scene_lines(&sim.scene));
     list.extend(fleet_lines(sim));
+    list.extend(sensing_lines(sim));
     list.extend(field_lines(sim));
-    list.extend(task_lines(sim));
+    list.push(sweep_line(sim));
+    list.extend(imaging_lines(sim));
+    list.extend(end_lines(sim));
     list
 }
 
 fn fleet_lines(sim: &Sim) -> Vec<Line> {
-    let (fleet, range, safety) = (&sim.vehicles, &sim.range, &sim.safety);
-    let beams: Vec<String> = range.beams.iter().map(|beam| format!("{:.0}°", beam.degrees())).collect();
+    let fleet = &sim.vehicles;
     vec![
         (
             "vehicles",
@@ -141,6 +143,13 @@ fn fleet_lines(sim: &Sim) -> Vec<Line> {
             ),
         ),
         ("pose", format!("deviation {} m over {} s", fleet.pose_sd_m, fleet.pose_correlation_s)),
+    ]
+}
+
+fn sensing_lines(sim: &Sim) -> Vec<Line> {
+    let (range, safety) = (&sim.range, &sim.safety);
+    let beams: Vec<String> = range.beams.iter().map(|beam| format!("{:.0}°", beam.degrees())).collect();
+    vec![
         (
             "range",
             format!(
@@ -209,22 +218,24 @@ fn field_lines(sim: &Sim) -> Vec<Line> {
     ]
 }
 
-fn task_lines(sim: &Sim) -> Vec<Line> {
-    let (sweep, imaging, durations) = (&sim.sweep, &sim.imaging, &sim.durations);
+fn sweep_line(sim: &Sim) -> Line {
+    let sweep = &sim.sweep;
     let planner = match sweep.planner {
         Planner::RotatingGap => "rotating gap",
         Planner::Fan => "fan",
     };
     let laps = sweep.laps.map_or("the planner's laps".to_owned(), |laps| format!("{laps} laps"));
     let first = if sim.empty_sweep { ", an empty sweep first" } else { "" };
+    let text = format!(
+        "{planner} over {} positions, {laps}, dwell {:?} to {:?}{first}",
+        sweep.positions, sweep.dwell, sweep.dwell_limit
+    );
+    ("sweep", text)
+}
+
+fn imaging_lines(sim: &Sim) -> Vec<Line> {
+    let imaging = &sim.imaging;
     vec![
-        (
-            "sweep",
-            format!(
-                "{planner} over {} positions, {laps}, dwell {:?} to {:?}{first}",
-                sweep.positions, sweep.dwell, sweep.dwell_limit
-            ),
-        ),
         (
             "image",
             format!(
@@ -254,6 +265,12 @@ fn task_lines(sim: &Sim) -> Vec<Line> {
                 imaging.peaks, imaging.rim_m, imaging.peak_separation_m, imaging.min_link_m
             ),
         ),
+    ]
+}
+
+fn end_lines(sim: &Sim) -> Vec<Line> {
+    let durations = &sim.durations;
+    vec![
         (
             "thinking",
             format!(

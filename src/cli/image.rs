@@ -1,23 +1,17 @@
 //! `tomoswarm image`: reconstructs an image from recorded links.
 //!
-//! Files in, files out; the work is done by `tomo`. Whether outputs can be written is tried before the work; they
-//! appear under their names only when all of them are complete.
+//! Files in, files out; the work is done by `tomo`, the files are written by `outputs`.
 
-use std::fs;
-use std::io::Write as _;
 use std::path::{Path, PathBuf};
 
-use clap::{Args, ValueEnum};
-use serde_json::{Value, json};
-
-use crate::draw::{HeatMap, Overlay, Picture};
 use crate::geom::{PixelGrid, Point, Rect};
 use crate::tomo::{
-    Image, Link, LinkBins, MOST_PIXELS, Peak, Reconstruction, SPOT_M, Settings, Solver, TomoError,
-    WeightModel, npy_bytes, reconstruct,
+    Link, LinkBins, MOST_PIXELS, Reconstruction, SPOT_M, Settings, TomoError, WeightModel, reconstruct,
 };
+use clap::{Args, ValueEnum};
 
 use super::error::CliError;
+use super::outputs::{Outputs, PendingFile, is_device};
 use super::read;
 use super::recording::{LengthUnit, Recording, RecordingError, read_recording};
 use super::stop::Stop;
@@ -45,7 +39,7 @@ pub struct ImageCommand {
     /// Pixels from west to east and from south to north [default: 40 along the longer side]
     #[arg(long, value_name = "WxH", value_parser = parse_pixels)]
     pub pixels: Option<(usize, usize)>,
-    /// What is imaged, in the units of the input [default: what the positions enclose]
+    /// What is imaged, in the units of the input [default: what the recording names, else what the positions enclose]
     #[arg(long, value_name = "X0,Y0,X1,Y1", value_parser = parse_area, allow_hyphen_values = true)]
     pub area: Option<Rect>,
     /// Writes a picture
@@ -157,9 +151,9 @@ impl ImageCommand {
     /// Files that cannot be read or written, [`ImageError`]; nothing is written then.
     pub fn run(&self, out: &mut dyn std::io::Write) -> Result<(), CliError> {
         self.check_files()?;
-        let (now, unit) = read_files(&self.files, None)?;
-        let (empty, _) = read_files(&self.empty, Some(unit))?;
-        let settings = self.settings(now.iter().chain(&empty));
+        let Recording { links: now, unit, area } = read_files(&self.files, None)?;
+        let empty = read_files(&self.empty, Some(unit))?.links;
+        let settings = self.settings(now.iter().chain(&empty), area);
         let now = binned(&now, settings.pairing_m);
         let empty = binned(&empty, settings.pairing_m);
         let empty = (!self.empty.is_empty()).then_some(empty.as_slice());
@@ -187,9 +181,10 @@ impl ImageCommand {
         tried.try_for_each(|output| PendingFile::open(output).map(drop)).map_err(CliError::from)
     }
 
-    fn settings<'a>(&self, links: impl Iterator<Item = &'a Link>) -> Settings {
+    /// The area is the one asked for, else the one that the recordings name, else what the ends of the links enclose.
+    fn settings<'a>(&self, links: impl Iterator<Item = &'a Link>, named: Option<Rect>) -> Settings {
         let ring = bounds(links);
-        let area = self.area.unwrap_or(ring);
+        let area = self.area.or(named).unwrap_or(ring);
         let mut settings =
             if self.empty.is_empty() { Settings::for_area(area) } else { Settings::for_change(area) };
         settings.ring = ring;
@@ -239,11 +234,6 @@ pub(super) fn read_file(path: &Path) -> Result<Recording, CliError> {
     Ok(read_recording(text.as_bytes()).map_err(wrong)?)
 }
 
-/// Tells whether something is there that is neither a file nor a folder.
-fn is_device(path: &Path) -> bool {
-    path.metadata().is_ok_and(|known| !known.is_file() && !known.is_dir())
-}
-
 /// Tells whether two names lead to the same file; one that does not exist yet has only its own name.
 fn is_same_file(one: &Path, other: &Path) -> bool {
     let real = |path: &Path| {
@@ -254,9 +244,10 @@ fn is_same_file(one: &Path, other: &Path) -> bool {
     real(one).is_some_and(|one| real(other) == Some(one))
 }
 
-/// Reads files that must all have one unit: the given one, else that of the first.
-fn read_files(paths: &[PathBuf], expected: Option<LengthUnit>) -> Result<(Vec<Link>, LengthUnit), CliError> {
-    let (mut links, mut unit) = (Vec::new(), expected);
+/// Reads files that must all have one unit: the given one, else that of the first. The area is that of the first file
+/// that names one.
+fn read_files(paths: &[PathBuf], expected: Option<LengthUnit>) -> Result<Recording, CliError> {
+    let (mut links, mut unit, mut area) = (Vec::new(), expected, None);
     for path in paths {
         let recording = read_file(path)?;
         let expected = *unit.get_or_insert(recording.unit);
@@ -265,8 +256,9 @@ fn read_files(paths: &[PathBuf], expected: Option<LengthUnit>) -> Result<(Vec<Li
             return Err(ImageError::MixedUnits { path: path.clone(), found, expected }.into());
         }
         links.extend(recording.links);
+        area = area.or(recording.area);
     }
-    Ok((links, unit.unwrap_or(LengthUnit::Metre)))
+    Ok(Recording { links, unit: unit.unwrap_or(LengthUnit::Metre), area })
 }
 
 /// Gives the smallest rectangle around all ends.
@@ -288,148 +280,6 @@ fn binned(links: &[Link], bin_m: f64) -> Vec<Link> {
     let mut bins = LinkBins::new(bin_m, SPOT_M.min(bin_m / 8.0));
     links.iter().for_each(|link| bins.record_link(link));
     bins.links()
-}
-
-/// The files to be written, open under temporary names.
-#[derive(Default)]
-struct Outputs {
-    png: Option<PendingFile>,
-    npy: Option<PendingFile>,
-    json: Option<PendingFile>,
-}
-
-impl Outputs {
-    fn open(command: &ImageCommand) -> Result<Outputs, ImageError> {
-        let open = |path: &Option<PathBuf>| path.as_deref().map(PendingFile::open).transpose();
-        Ok(Outputs { png: open(&command.png)?, npy: open(&command.npy)?, json: open(&command.json)? })
-    }
-
-    /// Writes all, then gives all their names.
-    fn write(
-        mut self,
-        result: &Reconstruction,
-        settings: &Settings,
-        unit: LengthUnit,
-    ) -> Result<(), CliError> {
-        let fill = |file: &mut Option<PendingFile>, bytes: &dyn Fn() -> Vec<u8>| match file {
-            Some(file) => file.fill(&bytes()),
-            None => Ok(()),
-        };
-        if let Some(file) = &mut self.png {
-            file.fill(&picture(result, unit)?)?;
-        }
-        fill(&mut self.npy, &|| npy_bytes(&result.image))?;
-        fill(&mut self.json, &|| format!("{:#}\n", report(result, settings, unit)).into_bytes())?;
-        Ok([self.png, self.npy, self.json].into_iter().flatten().try_for_each(PendingFile::finish)?)
-    }
-}
-
-/// A file under a temporary name in its folder; it gets its name when complete and vanishes otherwise.
-struct PendingFile {
-    path: PathBuf,
-    /// `None` for a device or a pipe, which is written as it is.
-    temporary: Option<PathBuf>,
-    file: fs::File,
-}
-
-impl PendingFile {
-    fn open(path: &Path) -> Result<PendingFile, ImageError> {
-        let failed = |source| ImageError::Unwritable { path: path.to_owned(), source };
-        let name = path.file_name().ok_or_else(|| failed(std::io::ErrorKind::IsADirectory.into()))?;
-        if path.is_dir() {
-            return Err(failed(std::io::ErrorKind::IsADirectory.into()));
-        }
-        if is_device(path) {
-            let file = fs::File::options().write(true).open(path).map_err(failed)?;
-            return Ok(PendingFile { path: path.to_owned(), temporary: None, file });
-        }
-        let mut hidden = std::ffi::OsString::from(".");
-        hidden.push(name);
-        hidden.push(format!(".{}.part", std::process::id()));
-        let temporary = path.with_file_name(hidden);
-        let file = fs::File::create(&temporary).map_err(failed)?;
-        Ok(PendingFile { path: path.to_owned(), temporary: Some(temporary), file })
-    }
-
-    fn fill(&mut self, bytes: &[u8]) -> Result<(), ImageError> {
-        let path = self.path.clone();
-        self.file.write_all(bytes).map_err(|source| ImageError::Unwritable { path, source })
-    }
-
-    fn finish(self) -> Result<(), ImageError> {
-        let path = self.path.clone();
-        let Some(temporary) = &self.temporary else { return Ok(()) };
-        fs::rename(temporary, &self.path).map_err(|source| ImageError::Unwritable { path, source })
-    }
-}
-
-impl Drop for PendingFile {
-    fn drop(&mut self) {
-        // After the renaming there is nothing left to remove, and that is fine.
-        let _ = self.temporary.as_ref().map(fs::remove_file);
-    }
-}
-
-/// Gives the picture of an image, with the strongest places marked.
-fn picture(result: &Reconstruction, unit: LengthUnit) -> Result<Vec<u8>, CliError> {
-    let Image { grid, values } = &result.image;
-    let seen = if result.by_empty_sweep { "What changed since the empty sweep" } else { "What stands there" };
-    let mark =
-        |(index, peak): (usize, &Peak)| Overlay::Cross { at: peak.at, label: Some((index + 1).to_string()) };
-    let spec = HeatMap {
-        title: format!("{seen} ({} links)", result.used),
-        grid: *grid,
-        values,
-        unit: &format!("dB/{}", unit.word()),
-        length_unit: unit.word(),
-        overlays: result.peaks.iter().enumerate().map(mark).collect(),
-        range: None,
-    };
-    Picture::heat(&spec).map_err(|error| CliError::Fault(error.to_string()))
-}
-
-/// Gives the content of the JSON output.
-fn report(result: &Reconstruction, settings: &Settings, unit: LengthUnit) -> Value {
-    let peaks: Vec<Value> = result
-        .peaks
-        .iter()
-        .map(|peak| {
-            let significance = peak.significance.min(1e9);
-            json!({"x": peak.at.x_m, "y": peak.at.y_m, "strength": peak.strength, "significance": significance})
-        })
-        .collect();
-    let dropped: Vec<Value> = result
-        .dropped
-        .iter()
-        .map(|(reason, count)| json!({"reason": reason.words(), "links": count}))
-        .collect();
-    let law = result.path_loss.map(|law| {
-        json!({"p0_dbm": law.p0_dbm, "exponent": law.exponent, "residual_db": law.residual_db, "links": law.links})
-    });
-    let area = settings.grid.area;
-    let solver = match settings.solver {
-        Solver::Map(prior, _) => {
-            json!({"name": "map", "prior_variance": prior.variance, "prior_length": prior.length_m})
-        }
-        Solver::Tikhonov { alpha_m2 } => json!({"name": "tikhonov", "alpha": alpha_m2}),
-    };
-    json!({
-        "peaks": peaks,
-        "residual_rms_db": result.residual_rms_db,
-        "links": {"used": result.used, "dropped": dropped},
-        "path_loss": law,
-        "settings": {
-            "unit": unit.word(),
-            "area": [area.min.x_m, area.min.y_m, area.max.x_m, area.max.y_m],
-            "pixels": [settings.grid.columns, settings.grid.rows],
-            "solver": solver,
-            "weights": format!("{:?}", settings.weights),
-            "empty_sweep": result.by_empty_sweep,
-            "shortest_link": settings.shortest_link_m,
-            "rim": settings.peaks.rim_m,
-            "peak_separation": settings.peaks.separation_m,
-        },
-    })
 }
 
 fn summary(result: &Reconstruction, unit: LengthUnit) -> String {

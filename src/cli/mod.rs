@@ -10,6 +10,7 @@ pub mod error;
 mod folder;
 pub mod image;
 mod load;
+mod outputs;
 mod pictures;
 pub mod plan;
 mod read;

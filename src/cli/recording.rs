@@ -8,7 +8,7 @@ use std::fmt::Write as _;
 use serde::Deserialize;
 use serde_json::Value;
 
-use crate::geom::Point;
+use crate::geom::{Point, Rect};
 use crate::tomo::Link;
 
 /// The header that a links file has at least.
@@ -18,6 +18,8 @@ pub const LINKS_HEADER: &str = "tx_x_m,tx_y_m,rx_x_m,rx_y_m,packets,rssi_dbm,spo
 
 /// Farthest coordinate that is believed, metres.
 const FARTHEST_M: f64 = 1e7;
+/// Smallest and largest side of an area that is believed, cells.
+const SIDE_CELLS: (f64, f64) = (1.0, 10_000.0);
 /// Weakest and strongest signal that are believed, dBm.
 const STRENGTH_DBM: (f64, f64) = (-200.0, 40.0);
 
@@ -70,6 +72,8 @@ pub struct Recording {
     pub links: Vec<Link>,
     /// Unit of the positions.
     pub unit: LengthUnit,
+    /// The area that the recording itself names.
+    pub area: Option<Rect>,
 }
 
 /// Reads a recording.
@@ -131,7 +135,7 @@ fn read_csv(text: &str) -> Result<Recording, RecordingError> {
     if links.is_empty() {
         return Err(wrong("2: ".into(), "the end of the file", "at least one line of numbers"));
     }
-    Ok(Recording { links, unit: LengthUnit::Metre })
+    Ok(Recording { links, unit: LengthUnit::Metre, area: None })
 }
 
 fn read_header(number: usize, header: &str) -> Result<Columns, RecordingError> {
@@ -210,6 +214,12 @@ fn quoted(text: &str) -> String {
 #[derive(Deserialize)]
 struct Dump {
     packets: Vec<Value>,
+    /// South-west corner of the area: north, east.
+    #[serde(default)]
+    origin: Option<Value>,
+    /// Extent of the area: to the north, to the east.
+    #[serde(default)]
+    size: Option<Value>,
 }
 
 const PACKET: &str =
@@ -223,6 +233,7 @@ fn read_json(text: &str) -> Result<Recording, RecordingError> {
             format!("an object with \"packets\": [{PACKET}, ...]"),
         )
     })?;
+    let area = read_area(&dump)?;
     let mut pairs = BTreeMap::new();
     for (index, packet) in dump.packets.iter().enumerate() {
         let packet = read_packet(packet)
@@ -232,7 +243,36 @@ fn read_json(text: &str) -> Result<Recording, RecordingError> {
     if pairs.is_empty() {
         return Err(wrong(String::new(), "no packets", format!("\"packets\": [{PACKET}, ...]")));
     }
-    Ok(Recording { links: pairs.values().map(Pair::link).collect(), unit: LengthUnit::Cell })
+    Ok(Recording { links: pairs.values().map(Pair::link).collect(), unit: LengthUnit::Cell, area })
+}
+
+/// Gives the area of a dump; without a size there is none.
+fn read_area(dump: &Dump) -> Result<Option<Rect>, RecordingError> {
+    let (north, east) =
+        pair_of(dump.origin.as_ref(), "origin", (-FARTHEST_M, FARTHEST_M))?.unwrap_or((0.0, 0.0));
+    let size = pair_of(dump.size.as_ref(), "size", SIDE_CELLS)?;
+    Ok(size.map(|(to_north, to_east)| {
+        Rect::new(Point::new(east, north), Point::new(east + to_east, north + to_north))
+    }))
+}
+
+/// Reads two numbers within limits; `None` where the key is missing.
+fn pair_of(
+    value: Option<&Value>,
+    name: &str,
+    (low, high): (f64, f64),
+) -> Result<Option<(f64, f64)>, RecordingError> {
+    let Some(value) = value else { return Ok(None) };
+    let number = |value: &Value| value.as_f64().filter(|number| (low..=high).contains(number));
+    let numbers: Option<Vec<f64>> = value.as_array().and_then(|list| list.iter().map(number).collect());
+    match numbers.as_deref() {
+        Some(&[north, east]) => Ok(Some((north, east))),
+        Some(_) | None => Err(wrong(
+            format!("\"{name}\": "),
+            quoted(&value.to_string()),
+            format!("[north, east], two numbers from {low} to {high}"),
+        )),
+    }
 }
 
 /// One packet of a dump; x = east, y = north.

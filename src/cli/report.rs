@@ -86,10 +86,15 @@ impl Report {
 
     /// Gives the summary for a person.
     pub fn text(&self) -> String {
+        format!("{}{}", self.figures(), self.finds())
+    }
+
+    /// Gives the figures in lines.
+    fn figures(&self) -> String {
         let separation = self.min_separation_m.map_or("-".to_owned(), |metres| format!("{metres:.2} m"));
         let outcome =
             self.failure.as_deref().map_or("finished".to_owned(), |why| format!("NOT finished: {why}"));
-        let mut text = format!(
+        format!(
             "{} with {} vehicles, seed {}: {outcome}\n\
              mission time      {:.1} min simulated in {:.2} s ({:.0} x real time)\n\
              links measured    {} from {} samples ({} in the empty sweep), covering {:.0} % of the area\n\
@@ -110,7 +115,12 @@ impl Report {
             self.scans as f64 / self.wall_s.max(1e-9),
             self.events as f64 / self.wall_s.max(1e-9),
             self.bus_bytes as f64 / self.simulated_s.max(1e-9) / 1e3 / self.vehicles.max(1) as f64,
-        );
+        )
+    }
+
+    /// Gives what was found and what was not in lines.
+    fn finds(&self) -> String {
+        let mut text = String::new();
         for find in &self.found {
             let error =
                 find.error_m.map_or("nobody was there".to_owned(), |error| format!("{error:.2} m off"));

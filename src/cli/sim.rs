@@ -73,8 +73,8 @@ Examples:
   tomoswarm sim --trials 20                     20 seeds, one line each
   tomoswarm sim configs/courtyard.sim.toml      a file of your own: copy it with its venue and scene
 
-Exit codes: 0 done; 1 the mission failed or was stopped, or in --trials a collision, a breach of the fence, an unfinished
-sweep or too many persons missed; 2 bad usage, bad files, or a folder that cannot be written.";
+Exit codes: 0 done; 1 a collision, a breach of the fence, a sweep that did not end or was stopped, or in --trials too
+many persons missed; 2 bad usage, bad files, or a folder that cannot be written.";
 
 fn parse_seconds(text: &str) -> Result<Duration, String> {
     let seconds: f64 = text.parse().map_err(|_| format!("`{text}` is no number of seconds"))?;
@@ -111,7 +111,9 @@ impl SimArgs {
         let text = format!("{}written: {} ({kinds})\n", report.text(), target.display());
         let written = out.write_all(text.as_bytes()).and_then(|()| out.flush());
         written.map_err(|source| CliError::Write { path: "standard output".into(), source })?;
-        outcome.failure.map_or(Ok(()), |reason| Err(CliError::Mission(reason)))
+        let collisions = outcome.collisions.len();
+        let broken = why_failed(outcome.failure.as_deref(), collisions, outcome.fence_breaches);
+        broken.map_or(Ok(()), |reason| Err(CliError::Mission(reason)))
     }
 
     /// Loads the files and makes the scenario of a seed.
@@ -128,6 +130,20 @@ impl SimArgs {
         }
         load::scenario(loaded, self.config.as_deref(), seed)
     }
+}
+
+/// Says why a mission failed: it did not end, or a contract was broken on the way. `None` when all is well.
+fn why_failed(failure: Option<&str>, collisions: usize, fence_breaches: usize) -> Option<String> {
+    let counted = |count: usize, what: &str| (count > 0).then(|| format!("{what}: {count}"));
+    let reasons: Vec<String> = [
+        failure.map(str::to_owned),
+        counted(collisions, "collisions"),
+        counted(fence_breaches, "fence breaches"),
+    ]
+    .into_iter()
+    .flatten()
+    .collect();
+    (!reasons.is_empty()).then(|| reasons.join("; "))
 }
 
 fn default_folder(scenario: &Scenario, seed: u64) -> PathBuf {
@@ -178,4 +194,22 @@ fn line(status: &Status, wall: Duration) -> String {
     let simulated_s = status.now.as_secs_f64();
     let factor = simulated_s / wall.as_secs_f64().max(1e-3);
     format!("{:>5.1} min simulated, {} samples, {factor:.0} x real time", simulated_s / 60.0, status.samples)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn check(failure: Option<&str>, collisions: usize, fence_breaches: usize, expected: Option<&str>) {
+        assert_eq!(why_failed(failure, collisions, fence_breaches).as_deref(), expected);
+    }
+
+    #[test]
+    fn a_collision_or_a_breach_fails_a_mission_that_ended() {
+        check(None, 0, 0, None);
+        check(None, 2, 0, Some("collisions: 2"));
+        check(None, 0, 1, Some("fence breaches: 1"));
+        check(Some("time is up"), 1, 3, Some("time is up; collisions: 1; fence breaches: 3"));
+        check(Some("time is up"), 0, 0, Some("time is up"));
+    }
 }

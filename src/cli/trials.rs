@@ -81,7 +81,6 @@ pub(super) fn run(
     stop: &Stop,
     out: &mut (dyn Write + Send),
 ) -> Result<(), CliError> {
-    let unwritten = |source| CliError::Write { path: "standard output".into(), source };
     let first = match args.seed {
         Some(seed) => seed,
         None => args.scenario(None)?.sim().seed,
@@ -105,20 +104,23 @@ pub(super) fn run(
         share(found)
     )
     .map_err(unwritten)?;
-    if (trials.len() as u64) < count {
-        let reason = format!("it was asked to stop after {} of {count} seeds", trials.len());
-        return Err(CliError::Mission(reason));
+    broken(count, trials.len(), safe, found).map_or(Ok(()), |reason| Err(CliError::Mission(reason)))
+}
+
+fn unwritten(source: io::Error) -> CliError {
+    CliError::Write { path: "standard output".into(), source }
+}
+
+/// Says which contract was broken, if any, when of `wanted` seeds `run` were run.
+fn broken(wanted: u64, run: usize, safe: usize, found: usize) -> Option<String> {
+    if (run as u64) < wanted {
+        return Some(format!("it was asked to stop after {run} of {wanted} seeds"));
     }
-    if safe < trials.len() {
-        return Err(CliError::Mission("a contract did not hold in every seed".to_owned()));
+    if safe < run {
+        return Some("a contract did not hold in every seed".to_owned());
     }
-    if (found as f64) < FOUND_SHARE * trials.len() as f64 {
-        return Err(CliError::Mission(format!(
-            "everybody was found in less than {:.0} %",
-            100.0 * FOUND_SHARE
-        )));
-    }
-    Ok(())
+    let is_rare = (found as f64) < FOUND_SHARE * run as f64;
+    is_rare.then(|| format!("everybody was found in less than {:.0} %", 100.0 * FOUND_SHARE))
 }
 
 fn count_of(trials: &BTreeMap<u64, Trial>, is_good: fn(&Trial) -> bool) -> usize {
@@ -175,7 +177,6 @@ fn work(
         let Some(seed) = left.lock().unwrap_or_else(PoisonError::into_inner).next() else { return Ok(()) };
         let Some(trial) = run_one(args, seed, stop)? else { return Ok(()) };
         let mut table = table.lock().unwrap_or_else(PoisonError::into_inner);
-        let unwritten = |source| CliError::Write { path: "standard output".into(), source };
         table.record(seed, trial).map_err(unwritten)?;
     }
 }

@@ -130,7 +130,7 @@ fn packet_variance(link: &Link, noise: &NoiseModel) -> f64 {
     (noise.packet_sd_db * noise.packet_sd_db + 1.0 / 12.0) / f64::from(link.packets.max(1))
 }
 
-/// 2 s_F²/spots + s_t²/n_now + s_t²/n_empty + s_match².
+/// 2 s_F²/spots + s_t²/n_now + s_t²/n_empty + s_match², s_match from the local spread of the empty sweep.
 ///
 /// Where both sweeps stood at the very same places the fades cancel down to a small rest.
 fn paired_variance(link: &Link, partner: &Entry, noise: &NoiseModel, pairing_m: f64) -> f64 {
@@ -144,8 +144,7 @@ fn paired_variance(link: &Link, partner: &Entry, noise: &NoiseModel, pairing_m: 
     } else {
         square(noise.fading_sd_db) * (now_share + empty_share)
     };
-    let apart = (ends_apart_m(link, &partner.link) / pairing_m).min(1.0);
-    let share = if is_same_place { 0.0 } else { noise.match_share.max(apart) };
+    let share = if is_same_place { 0.0 } else { noise.match_share };
     fading_db2
         + packet_variance(link, noise)
         + packet_variance(&partner.link, noise)
@@ -215,16 +214,10 @@ struct EmptySweep {
 impl EmptySweep {
     fn new(links: &[Link], settings: &Settings, path_loss: Option<PathLoss>) -> EmptySweep {
         let mut sweep = EmptySweep { pairing_m: settings.pairing_m, entries: BTreeMap::new() };
-        for link in links {
-            let Some(mean_dbm) = link.censored_mean_dbm(settings.noise.sensitivity_dbm) else {
-                continue;
-            };
-            let (key, exchanged) = BinKey::of(link.from, link.to, sweep.pairing_m);
-            let mut link = *link;
-            if exchanged {
-                (link.from, link.to) = (link.to, link.from);
+        for (key, link) in pooled(links, sweep.pairing_m) {
+            if let Some(mean_dbm) = link.censored_mean_dbm(settings.noise.sensitivity_dbm) {
+                sweep.entries.insert(key, Entry { link, mean_dbm, local_variance_db2: 0.0 });
             }
-            sweep.entries.insert(key, Entry { link, mean_dbm, local_variance_db2: 0.0 });
         }
         let exponent = path_loss.map_or(ExponentPrior::NEAR_FREE_SPACE.mean, |law| law.exponent);
         let spreads: Vec<f64> =
@@ -262,6 +255,18 @@ impl EmptySweep {
             .min_by(|a, b| a.0.total_cmp(&b.0))
             .map(|(_, entry)| entry)
     }
+}
+
+/// Gives one link per bin; links of one bin are pooled.
+fn pooled(links: &[Link], pairing_m: f64) -> BTreeMap<BinKey, Link> {
+    let mut bins: BTreeMap<BinKey, Link> = BTreeMap::new();
+    for link in links {
+        let (key, exchanged) = BinKey::of(link.from, link.to, pairing_m);
+        let (from, to) = if exchanged { (link.to, link.from) } else { (link.from, link.to) };
+        let link = Link { from, to, ..*link };
+        bins.entry(key).and_modify(|known| *known = known.pooled(&link)).or_insert(link);
+    }
+    bins
 }
 
 /// The keys with one end, or both, in a neighbouring bin.
@@ -315,12 +320,36 @@ mod tests {
     }
 
     #[test]
+    fn links_of_the_empty_sweep_in_one_bin_are_pooled() {
+        let now = link(0.1, 5.1, 20.1, 9.1, -70.0);
+        let far = Link { packets: 30, ..link(0.1, 5.1, 20.1, 9.1, -60.0) };
+        let near = Link { packets: 10, ..link(20.3, 9.3, 0.3, 5.3, -66.0) };
+        for empty in [[far, near], [near, far]] {
+            let got = calibrate(&[now], Some(&empty), &settings());
+            assert!((got.observations[0].attenuation_db - 8.5).abs() < 0.05, "{got:?}");
+        }
+    }
+
+    #[test]
     fn a_silent_link_attenuates_at_least_down_to_the_sensitivity() {
         let mut now = link(0.0, 5.0, 20.0, 9.0, f64::NAN);
         (now.packets, now.misses) = (0, 12);
         let empty = [link(0.0, 5.0, 20.0, 9.0, -75.0)];
         let got = calibrate(&[now], Some(&empty), &settings());
         assert!((got.observations[0].attenuation_db - 20.0).abs() < 1e-9);
+    }
+
+    #[test]
+    fn long_links_that_cross_a_wall_leave_the_exponent_physical() {
+        let links: Vec<Link> = (0..60)
+            .map(|k| {
+                let d_m = 2.0 + 0.3 * f64::from(k);
+                let behind_db = if d_m > 10.0 { 12.0 } else { 0.0 };
+                link(0.0, 10.0, d_m, 10.0, -40.0 - 20.0 * d_m.log10() - behind_db)
+            })
+            .collect();
+        let law = calibrate(&links, None, &settings()).path_loss.unwrap();
+        assert!((1.6..2.4).contains(&law.exponent), "{law:?}");
     }
 
     #[test]

@@ -39,6 +39,43 @@ impl Link {
         Segment::new(self.from, self.to)
     }
 
+    /// Gives the pooled packets of this link and another one whose ends lie near this one's, in this order.
+    pub(super) fn pooled(&self, other: &Link) -> Link {
+        let share = |own: u32, its: u32| f64::from(its) / (f64::from(own) + f64::from(its)).max(1.0);
+        let records = |link: &Link| link.packets.saturating_add(link.misses);
+        let place = share(records(self), records(other));
+        let (packets, mean_dbm) = (self.packets.saturating_add(other.packets), self.pooled_mean_dbm(other));
+        let squares = |link: &Link| {
+            let (count, apart_db) = (f64::from(link.packets), link.mean_dbm - mean_dbm);
+            if link.packets == 0 {
+                return 0.0;
+            }
+            (count - 1.0) * link.spread_db * link.spread_db + count * apart_db * apart_db
+        };
+        let freedom = (f64::from(packets) - 1.0).max(1.0);
+        Link {
+            from: self.from + (other.from - self.from) * place,
+            to: self.to + (other.to - self.to) * place,
+            packets,
+            spots: self.spots.saturating_add(other.spots),
+            misses: self.misses.saturating_add(other.misses),
+            mean_dbm,
+            spread_db: ((squares(self) + squares(other)) / freedom).sqrt(),
+        }
+    }
+
+    /// Gives the mean over the packets of both; not a number when neither was heard.
+    fn pooled_mean_dbm(&self, other: &Link) -> f64 {
+        match (self.packets, other.packets) {
+            (_, 0) => self.mean_dbm,
+            (0, _) => other.mean_dbm,
+            (own, its) => {
+                let (own, its) = (f64::from(own), f64::from(its));
+                (own * self.mean_dbm + its * other.mean_dbm) / (own + its)
+            }
+        }
+    }
+
     /// Gives the mean strength with misses counted at the receiver's sensitivity, dBm; `None` when nothing is known.
     ///
     /// A miss says "at most this strong" (censored data). A few misses are collisions and are passed over; when there are
@@ -65,6 +102,23 @@ mod tests {
         let mut link = Link::fixed(Point::new(0.0, 0.0), Point::new(3.0, 4.0), packets, -60.0);
         link.misses = misses;
         assert_eq!(link.censored_mean_dbm(-90.0), expected);
+    }
+
+    #[test]
+    fn pooled_links_have_the_moments_of_all_packets() {
+        // Packets of -60, -62 and -64 dBm here, of -70 and -74 dBm there.
+        let (here, there) = (Point::new(0.0, 0.0), Point::new(10.0, 0.0));
+        let one = Link { spread_db: 2.0, ..Link::fixed(here, there, 3, -62.0) };
+        let moved = Point::new(0.5, 0.0);
+        let two = Link { spread_db: 8f64.sqrt(), misses: 1, ..Link::fixed(moved, there, 2, -72.0) };
+        let both = one.pooled(&two);
+        assert_eq!((both.packets, both.misses, both.spots, both.mean_dbm), (5, 1, 2, -66.0));
+        // The squares of 6, 4, 2, -4 and -8 sum up to 136.
+        assert!((both.spread_db - 34f64.sqrt()).abs() < 1e-9);
+        assert!(both.from.distance_to(Point::new(0.25, 0.0)) < 1e-12 && both.to == there);
+        let silent = Link { misses: 4, ..Link::fixed(here, there, 0, f64::NAN) };
+        assert_eq!(silent.pooled(&two).mean_dbm, -72.0);
+        assert!(silent.pooled(&silent).mean_dbm.is_nan() && silent.pooled(&silent).spread_db == 0.0);
     }
 
     #[test]

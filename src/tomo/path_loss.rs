@@ -155,15 +155,18 @@ mod tests {
     }
 
     #[test]
-    fn the_prior_keeps_the_exponent_physical() {
-        // Long links all cross a wall: a free fit gives nonsense.
+    fn a_narrow_prior_keeps_the_exponent_physical_where_errors_go_together() {
+        // Long links all cross a wall: a free fit gives nonsense, and a prior counts as little against sixty links.
         let mut links = links(2.0, 0);
         for link in links.iter_mut().filter(|link| link.length_m() > 10.0) {
             link.mean_dbm -= 12.0;
         }
         let free = PathLoss::fit(&links, ExponentPrior::FREE).unwrap();
-        let held = PathLoss::fit(&links, ExponentPrior::NEAR_FREE_SPACE).unwrap();
-        assert!(free.exponent > 3.0 && held.exponent < free.exponent);
+        let pulled = PathLoss::fit(&links, ExponentPrior::NEAR_FREE_SPACE).unwrap();
+        let narrow = ExponentPrior { sd: 1e-3, ..ExponentPrior::NEAR_FREE_SPACE };
+        let held = PathLoss::fit(&links, narrow).unwrap();
+        assert!(free.exponent > 3.0 && pulled.exponent < free.exponent - 0.1, "{free:?} {pulled:?}");
+        assert!((1.6..2.4).contains(&held.exponent), "{held:?}");
     }
 
     #[test]

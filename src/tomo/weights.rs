@@ -74,11 +74,17 @@ struct Run {
 }
 
 /// Sparse weights: rows = links, columns = pixels (row-major, south-west first), metres after rescaling.
-#[derive(Clone, PartialEq, Debug, Default)]
+#[derive(Clone, PartialEq, Debug)]
 pub struct WeightRows {
     row_starts: Vec<u32>,
     runs: Vec<Run>,
     values: Vec<f64>,
+}
+
+impl Default for WeightRows {
+    fn default() -> WeightRows {
+        WeightRows::new()
+    }
 }
 
 impl WeightRows {

@@ -161,6 +161,14 @@ fn bad_dumps_are_named() {
     check_refused(&dump("NaN"), &["bad.csv:1:"]);
     check_refused("{\"packets\": []}", &["no packets"]);
     check_refused("{\"size\": 3}", &["packets"]);
+    let with = |more: &str| format!("{{{more}, \"packets\": [[1, 0, 0, true, 5, 5, true, -40]]}}");
+    for bad in ["3", "[0, 0]", "[19]", "[19, 19, 19]", "[1e9, 1e9]", "[-5, 5]", "[\"a\", 5]"] {
+        check_refused(&with(&format!("\"size\": {bad}")), &["\"size\"", "two numbers from 1"]);
+    }
+    check_refused(
+        &with("\"size\": [5, 5], \"origin\": [1e300, 0]"),
+        &["\"origin\"", "1e+300", "two numbers"],
+    );
     check_refused(&"{\"packets\":".repeat(100_000), &["bad.csv:1:"]);
     check_refused(&format!("{{\"packets\": {}", "[".repeat(100_000)), &["bad.csv:1:"]);
 }
@@ -209,6 +217,41 @@ fn bad_options_are_refused() {
     }
     let no_file = tomoswarm(folder.path(), &[]);
     assert_eq!(no_file.status.code(), Some(2));
+}
+
+/// A recording in the format of 2016, made for this test: a person at 12.3 east, 6.7 north, 520 pairs, two packets each.
+#[test]
+fn the_person_in_a_recording_of_our_own_is_found() {
+    let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data/two_rovers_2016.json");
+    let folder = TempDir::new().unwrap();
+    let output = tomoswarm(folder.path(), &[file.to_str().unwrap(), "--json", "o.json"]);
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let report: serde_json::Value =
+        serde_json::from_str(&fs::read_to_string(folder.path().join("o.json")).unwrap()).unwrap();
+    let peak = |axis: &str| report["peaks"][0][axis].as_f64().unwrap();
+    let error = (peak("x") - 12.3).hypot(peak("y") - 6.7);
+    assert!(error < 0.7, "{error:.2} cells off: {report}");
+    assert_eq!(report["settings"]["unit"], "cell");
+}
+
+#[test]
+fn a_recording_names_its_area() {
+    let packets: Vec<String> = (0..=12)
+        .flat_map(|k| (0..=12).map(move |l| format!("[1, 0, {k}, true, 12, {l}, true, -50]")))
+        .collect();
+    let dump = |more: &str| format!("{{{more}\"packets\": [{}]}}", packets.join(", "));
+    for (more, area) in [
+        ("", [0.0, 0.0, 12.0, 12.0]),
+        ("\"size\": [14, 16], ", [0.0, 0.0, 16.0, 14.0]),
+        ("\"origin\": [-1, -2], \"size\": [14, 16], ", [-2.0, -1.0, 14.0, 13.0]),
+    ] {
+        let folder = folder_with(&[("now.json", &dump(more))]);
+        let output = tomoswarm(folder.path(), &["now.json", "--json", "o.json"]);
+        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+        let report: serde_json::Value =
+            serde_json::from_str(&fs::read_to_string(folder.path().join("o.json")).unwrap()).unwrap();
+        assert_eq!(report["settings"]["area"], serde_json::json!(area), "{more}");
+    }
 }
 
 /// The recordings lie beside the project; the places are those that all sound methods agree on.

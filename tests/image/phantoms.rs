@@ -1,13 +1,14 @@
 //! Simulated sweeps that others made: the persons are found, and the images are no worse than the reference method.
 //!
-//! The full scores (rel, SSIM, loc_m) come from the scoring script beside the data; here is what Rust can judge alone.
+//! The scores are those of the scoring script beside the data, computed anew in `score`.
 
 use std::fs;
 use std::path::{Path, PathBuf};
 
+use super::score::{relative_error, structural_similarity};
 use tomoswarm::cli::recording::read_recording;
 use tomoswarm::geom::{Point, Rect};
-use tomoswarm::tomo::{Image, Link, Settings, reconstruct};
+use tomoswarm::tomo::{Link, Settings, reconstruct};
 
 fn phantoms() -> Option<PathBuf> {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared/data/phantoms");
@@ -30,14 +31,6 @@ fn image_of(folder: &Path, case: &str) -> tomoswarm::tomo::Reconstruction {
         return reconstruct(&now, Some(&links(&empty)), &Settings::for_change(area)).unwrap();
     }
     reconstruct(&now, None, &Settings::for_area(area)).unwrap()
-}
-
-/// |a x − t| / |t| with the best gain a, as the scoring script has it.
-fn relative_error(image: &Image, truth: &[f64]) -> f64 {
-    let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(x, y)| x * y).sum::<f64>();
-    let gain = (dot(&image.values, truth) / dot(&image.values, &image.values)).max(0.0);
-    let rest: Vec<f64> = image.values.iter().zip(truth).map(|(x, t)| gain * x - t).collect();
-    (dot(&rest, &rest) / dot(truth, truth)).sqrt()
 }
 
 /// The 1600 values of a truth file: little-endian f32 after the header.
@@ -65,8 +58,12 @@ fn images_are_as_good_as_the_reference_method() {
             continue;
         }
         let result = image_of(&folder, case);
-        let error = relative_error(&result.image, &truth(&folder.join(format!("{case}.truth.npy"))));
-        assert!(error <= 1.05 * score(line, "rel"), "{case}: {error:.3}, reference {}", score(line, "rel"));
+        let truth = truth(&folder.join(format!("{case}.truth.npy")));
+        let (error, rel) = (relative_error(&result.image.values, &truth), score(line, "rel"));
+        assert!(error <= 1.05 * rel, "{case}: error {error:.3}, reference {rel}");
+        let (similarity, ssim) =
+            (structural_similarity(&result.image.values, &truth, 40), score(line, "ssim"));
+        assert!(similarity >= 0.95 * ssim, "{case}: similarity {similarity:.3}, reference {ssim}");
         cases += 1;
     }
     assert!(cases >= 10, "only {cases} cases");

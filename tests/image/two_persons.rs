@@ -1,6 +1,7 @@
 //! Two rovers drive laps around a yard with a wall: both persons inside are found.
 
-use super::world::{SIDE_M, persons, sweep, worst_error_m};
+use super::score::{correlation, structural_similarity};
+use super::world::{SIDE_M, persons, sweep, wall_share, worst_error_m};
 use tomoswarm::geom::{Point, Rect};
 use tomoswarm::tomo::{Settings, reconstruct};
 
@@ -43,4 +44,24 @@ fn without_the_empty_sweep_the_wall_is_what_is_seen() {
     let background = mean(9.0, 8.0, 18.0, 18.0);
     assert!(mean(6.0, 6.0, 6.5, 12.0) > 8.0 * background.abs(), "west wall, {background}");
     assert!(mean(7.0, 5.0, 12.0, 5.5) > 8.0 * background.abs(), "south wall, {background}");
+}
+
+/// The share of the wall in each of 40 by 40 pixels.
+fn wall() -> Vec<f64> {
+    let pixel_m = SIDE_M / 40.0;
+    let at = |index: usize| pixel_m * index as f64;
+    (0..1600).map(|k| wall_share(Point::new(at(k % 40), at(k / 40)), pixel_m)).collect()
+}
+
+#[test]
+fn the_image_of_the_structure_looks_like_the_wall() {
+    let truth = wall();
+    for seed in [3, 4, 5] {
+        let now = sweep(seed, 0, &[], 8).links();
+        let image = reconstruct(&now, None, &Settings::for_area(area())).unwrap().image;
+        let (alike, similar) =
+            (correlation(&image.values, &truth), structural_similarity(&image.values, &truth, 40));
+        println!("seed {seed}: correlation {alike:.3}, similarity {similar:.3}");
+        assert!(alike > 0.5 && similar > 0.6, "seed {seed}: correlation {alike:.3}, similarity {similar:.3}");
+    }
 }

@@ -61,6 +61,16 @@ fn wall_distance_m(at: Point) -> f64 {
     WALL.into_iter().map(outside).fold(f64::INFINITY, f64::min)
 }
 
+/// Gives the share of the wall in a square with the given south-west corner.
+#[allow(dead_code, reason = "the bench that shares this world judges places only")]
+pub fn wall_share(corner: Point, side_m: f64) -> f64 {
+    let within = |low: f64, high: f64, start: f64| (high.min(start + side_m) - low.max(start)).max(0.0);
+    let inside = |[x0, y0, x1, y1]: [f64; 4]| within(x0, x1, corner.x_m) * within(y0, y1, corner.y_m);
+    // The two rectangles share a corner of 0.3 m by 0.3 m.
+    let twice = inside([6.0, 5.0, 6.3, 5.3]);
+    (WALL.into_iter().map(inside).sum::<f64>() - twice) / (side_m * side_m)
+}
+
 /// Drives the eight laps and records every packet; `sweep` tells the fades of two sweeps apart.
 pub fn sweep(seed: u64, sweep: u64, persons: &[Point], laps: usize) -> LinkBins {
     let mut bins = LinkBins::default();

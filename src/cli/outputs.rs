@@ -1,0 +1,174 @@
+//! The files that `tomoswarm image` writes: the picture, the values and the report.
+//!
+//! Whether they can be written is tried before the work; they appear under their names only when all are complete.
+
+use std::fs;
+use std::io::Write as _;
+use std::path::{Path, PathBuf};
+
+use serde_json::{Value, json};
+
+use super::error::CliError;
+use super::image::{ImageCommand, ImageError};
+use super::recording::LengthUnit;
+use crate::draw::{HeatMap, Overlay, Picture};
+use crate::tomo::{Image, Peak, Reconstruction, Settings, Solver, npy_bytes};
+
+/// The files to be written, open under temporary names.
+#[derive(Default)]
+pub(super) struct Outputs {
+    png: Option<PendingFile>,
+    npy: Option<PendingFile>,
+    json: Option<PendingFile>,
+}
+
+impl Outputs {
+    /// Opens all files that a command asks for.
+    ///
+    /// # Errors
+    /// One cannot be written.
+    pub(super) fn open(command: &ImageCommand) -> Result<Outputs, ImageError> {
+        let open = |path: &Option<PathBuf>| path.as_deref().map(PendingFile::open).transpose();
+        Ok(Outputs { png: open(&command.png)?, npy: open(&command.npy)?, json: open(&command.json)? })
+    }
+
+    /// Writes all, then gives all their names.
+    ///
+    /// # Errors
+    /// One cannot be written or drawn; then none has its name.
+    pub(super) fn write(
+        mut self,
+        result: &Reconstruction,
+        settings: &Settings,
+        unit: LengthUnit,
+    ) -> Result<(), CliError> {
+        let fill = |file: &mut Option<PendingFile>, bytes: &dyn Fn() -> Vec<u8>| match file {
+            Some(file) => file.fill(&bytes()),
+            None => Ok(()),
+        };
+        if let Some(file) = &mut self.png {
+            file.fill(&picture(result, unit)?)?;
+        }
+        fill(&mut self.npy, &|| npy_bytes(&result.image))?;
+        fill(&mut self.json, &|| format!("{:#}\n", report(result, settings, unit)).into_bytes())?;
+        Ok([self.png, self.npy, self.json].into_iter().flatten().try_for_each(PendingFile::finish)?)
+    }
+}
+
+/// A file under a temporary name in its folder; it gets its name when complete and vanishes otherwise.
+pub(super) struct PendingFile {
+    path: PathBuf,
+    /// `None` for a device or a pipe, which is written as it is.
+    temporary: Option<PathBuf>,
+    file: fs::File,
+}
+
+impl PendingFile {
+    /// Opens a file under its temporary name, or a device as it is.
+    ///
+    /// # Errors
+    /// It cannot be written.
+    pub(super) fn open(path: &Path) -> Result<PendingFile, ImageError> {
+        let failed = |source| ImageError::Unwritable { path: path.to_owned(), source };
+        let name = path.file_name().ok_or_else(|| failed(std::io::ErrorKind::IsADirectory.into()))?;
+        if path.is_dir() {
+            return Err(failed(std::io::ErrorKind::IsADirectory.into()));
+        }
+        if is_device(path) {
+            let file = fs::File::options().write(true).open(path).map_err(failed)?;
+            return Ok(PendingFile { path: path.to_owned(), temporary: None, file });
+        }
+        let mut hidden = std::ffi::OsString::from(".");
+        hidden.push(name);
+        hidden.push(format!(".{}.part", std::process::id()));
+        let temporary = path.with_file_name(hidden);
+        let file = fs::File::create(&temporary).map_err(failed)?;
+        Ok(PendingFile { path: path.to_owned(), temporary: Some(temporary), file })
+    }
+
+    fn fill(&mut self, bytes: &[u8]) -> Result<(), ImageError> {
+        let path = self.path.clone();
+        self.file.write_all(bytes).map_err(|source| ImageError::Unwritable { path, source })
+    }
+
+    fn finish(self) -> Result<(), ImageError> {
+        let path = self.path.clone();
+        let Some(temporary) = &self.temporary else { return Ok(()) };
+        fs::rename(temporary, &self.path).map_err(|source| ImageError::Unwritable { path, source })
+    }
+}
+
+impl Drop for PendingFile {
+    fn drop(&mut self) {
+        // After the renaming there is nothing left to remove, and that is fine.
+        let _ = self.temporary.as_ref().map(fs::remove_file);
+    }
+}
+
+/// Gives the picture of an image, with the strongest places marked.
+fn picture(result: &Reconstruction, unit: LengthUnit) -> Result<Vec<u8>, CliError> {
+    let Image { grid, values } = &result.image;
+    let seen = if result.by_empty_sweep { "What changed since the empty sweep" } else { "What stands there" };
+    let mark =
+        |(index, peak): (usize, &Peak)| Overlay::Cross { at: peak.at, label: Some((index + 1).to_string()) };
+    let spec = HeatMap {
+        title: format!("{seen} ({} links)", result.used),
+        grid: *grid,
+        values,
+        unit: &format!("dB/{}", unit.word()),
+        length_unit: unit.word(),
+        overlays: result.peaks.iter().enumerate().map(mark).collect(),
+        range: None,
+    };
+    Picture::heat(&spec).map_err(|error| CliError::Fault(error.to_string()))
+}
+
+/// Gives the content of the JSON output.
+fn report(result: &Reconstruction, settings: &Settings, unit: LengthUnit) -> Value {
+    let peak = |peak: &Peak| {
+        let significance = peak.significance.min(1e9);
+        json!({"x": peak.at.x_m, "y": peak.at.y_m, "strength": peak.strength, "significance": significance})
+    };
+    let dropped: Vec<Value> = result
+        .dropped
+        .iter()
+        .map(|(reason, count)| json!({"reason": reason.words(), "links": count}))
+        .collect();
+    let law = result.path_loss.map(|law| {
+        json!({"p0_dbm": law.p0_dbm, "exponent": law.exponent, "residual_db": law.residual_db, "links": law.links})
+    });
+    json!({
+        "peaks": result.peaks.iter().map(peak).collect::<Vec<_>>(),
+        "residual_rms_db": result.residual_rms_db,
+        "links": {"used": result.used, "dropped": dropped},
+        "path_loss": law,
+        "settings": settings_json(settings, unit, result.by_empty_sweep),
+    })
+}
+
+/// Gives the settings as the JSON output shows them.
+fn settings_json(settings: &Settings, unit: LengthUnit, by_empty_sweep: bool) -> Value {
+    let area = settings.grid.area;
+    let solver = match settings.solver {
+        Solver::Map(prior, _) => {
+            json!({"name": "map", "prior_variance": prior.variance, "prior_length": prior.length_m})
+        }
+        Solver::Tikhonov { alpha_m2 } => json!({"name": "tikhonov", "alpha": alpha_m2}),
+    };
+    json!({
+        "unit": unit.word(),
+        "area": [area.min.x_m, area.min.y_m, area.max.x_m, area.max.y_m],
+        "pixels": [settings.grid.columns, settings.grid.rows],
+        "solver": solver,
+        "weights": format!("{:?}", settings.weights),
+        "empty_sweep": by_empty_sweep,
+        "shortest_link": settings.shortest_link_m,
+        "rim": settings.peaks.rim_m,
+        "peak_separation": settings.peaks.separation_m,
+    })
+}
+
+/// Tells whether something is there that is neither a file nor a folder.
+pub(super) fn is_device(path: &Path) -> bool {
+    path.metadata().is_ok_and(|known| !known.is_file() && !known.is_dir())
+}
