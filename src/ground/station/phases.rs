@@ -59,6 +59,7 @@ impl Station {
         }
         self.fleet.order_all(sweep.run, OrderKind::Start);
         self.phase = Phase::Stopping(sweep);
+        self.planned_at = now;
         self.publish_plans(now, out);
         self.publish_orders(out);
     }
@@ -118,6 +119,10 @@ impl Station {
             Phase::Stopping(sweep) if is_free && succession.phase() == sweep::Phase::Stopped => {
                 let sweep = *sweep;
                 self.ask(sweep, out);
+            }
+            Phase::Stopping(sweep) if is_free && now.since(self.planned_at) > STALLED_AFTER => {
+                let sweep = *sweep;
+                self.stall(now, sweep, out);
             }
             Phase::Running(..) | Phase::Stopping(_) => {
                 let every = if shown { SHOWN_PLAN_EVERY } else { PLAN_EVERY };

@@ -131,6 +131,16 @@ fn when_nobody_gets_on_plans_are_made_anew_once_and_then_it_is_said() {
 }
 
 #[test]
+fn who_never_comes_to_rest_does_not_hold_up_the_end_for_ever() {
+    let mut station = station();
+    told(&mut station, 0.5, state());
+    told(&mut station, 1.0, In::Wish(Wish::Sweep { run: RunId(1), empty: None }));
+    // Nobody ever reports the empty revision.
+    let notes: Vec<Option<Note>> = (0..2).map(|_| next_note(&mut station, 600.0)).collect();
+    assert_eq!(notes, [Some(Note::Replans(RunId(1))), Some(Note::Stalled(RunId(1)))]);
+}
+
+#[test]
 fn who_does_not_follow_its_plan_is_planned_for_anew() {
     let mut station = station();
     told(&mut station, 0.1, In::Wish(Wish::Sweep { run: RUN, empty: None }));
