@@ -2,7 +2,7 @@
 //!
 //! It is told the own and the peers' states, tiles, plans, progress, orders and the vehicle's remarks. It says
 //! commands, progress, what it measures for, and remarks. Which leg may be entered is decided by
-//! [`crate::sweep::Follower`], how a leg is driven by [`pilot`]; the last word on safety has the vehicle actor.
+//! [`crate::sweep::Follower`], how a leg is driven by `pilot`; the last word on safety has the vehicle actor.
 //!
 //! ```text
 //!            Start                     Hold / Emergency
