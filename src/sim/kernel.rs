@@ -32,6 +32,7 @@ use crate::node::mission::Remark as MissionRemark;
 use crate::node::radio::Heard;
 use crate::node::route::Note as VehicleNote;
 use crate::node::sensor::Echo;
+use crate::node::vehicle::Fly;
 use crate::node::{self, VehicleNode};
 use crate::time::Time;
 
@@ -273,6 +274,8 @@ impl Kernel {
         let mut effects = std::mem::take(&mut self.vehicle_effects);
         for effect in effects.drain(..) {
             match effect {
+                // After the end nothing sets out any more; what moves comes to rest.
+                node::Effect::Fly(Fly::Drive { .. } | Fly::Turn(_)) if self.ended.is_some() => {}
                 node::Effect::Fly(fly) => {
                     let touches = self.world.fly(vehicle, self.now, &fly);
                     self.foresee(touches);
