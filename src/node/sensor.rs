@@ -169,16 +169,8 @@ mod tests {
     use super::*;
 
     fn sensor() -> Sensor {
-        let look = LookSettings {
-            beams: vec![Angle::from_degrees(-30.0), Angle::default(), Angle::from_degrees(30.0)],
-            half_angle: Angle::from_degrees(15.0),
-            min_range_m: 0.1,
-            max_range_m: 4.0,
-            sure_range_m: 3.0,
-            period: Duration::from_millis(100),
-            settle: Duration::from_millis(50),
-        };
-        Sensor::new(look, 0.5)
+        let settings = super::super::tests_support::settings(1);
+        Sensor::new(settings.look, settings.safety.pose_sd_max_m)
     }
 
     fn told(sensor: &mut Sensor, now: Time, input: In) -> Vec<Out> {

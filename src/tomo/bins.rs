@@ -120,11 +120,6 @@ impl LinkBins {
         self.bins.is_empty()
     }
 
-    /// Forgets everything.
-    pub fn clear(&mut self) {
-        self.bins.clear();
-    }
-
     /// Gives the links in the order of their bins (rows, then columns, of the first and then of the second end).
     pub fn links(&self) -> Vec<Link> {
         self.bins.values().map(Bin::link).collect()
