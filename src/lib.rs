@@ -8,6 +8,7 @@
 //! | L1 | [`map`], [`plan`], [`tomo`], [`sweep`], [`scene`], [`config`], [`draw`] | pure functions and values |
 //! | L2 | [`actor`], [`node`], [`ground`] | state machines without I/O |
 //! | L3 | [`sim`] | the world in virtual time |
+//! | L3 | `run`, `store` (feature `net`) | live processes over zenoh, and what outlives them |
 //! | top | [`cli`] | files, terminal, assembly |
 
 #![warn(missing_docs)]
@@ -21,8 +22,12 @@ pub mod ground;
 pub mod map;
 pub mod node;
 pub mod plan;
+#[cfg(feature = "net")]
+pub mod run;
 pub mod scene;
 pub mod sim;
+#[cfg(feature = "net")]
+pub mod store;
 pub mod sweep;
 pub mod time;
 pub mod tomo;

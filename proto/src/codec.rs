@@ -1,12 +1,13 @@
 //! Messages to bytes and back; the only file that names bincode.
 //!
 //! A frame is magic (2 bytes), wire version (1 byte), kind (1 byte), then the body in bincode's
-//! standard configuration. Input from outside never panics: a frame is refused when it is too
+//! standard configuration. A Hello (kind 0) has fourteen bytes before its body that are the same in all versions, so
+//! that nodes of different versions can name each other; [`greeting`] reads them. Input from outside never panics: a frame is refused when it is too
 //! long, truncated, followed by trailing bytes, of another version, or holds impossible values.
 
 use bincode::config::{Configuration, Limit, LittleEndian, Varint};
 
-use crate::Message;
+use crate::{Boot, Hello, Message, Sender, VehicleId};
 
 /// First bytes of every frame.
 pub const MAGIC: [u8; 2] = *b"tS";
@@ -15,6 +16,26 @@ pub const VERSION: u8 = 1;
 /// Longest frame, bytes.
 pub const LIMIT: usize = 256 * 1024;
 const HEADER: usize = 4;
+/// Kind of a Hello.
+const HELLO: u8 = 0;
+/// Bytes of a greeting behind the header: node (2), boot (4), venue (8).
+const GREETING: usize = 14;
+/// Numbers of nodes that are no vehicle in a greeting.
+const GROUND: u16 = 256;
+const OPERATOR: u16 = 257;
+
+/// What a Hello says in every version of the wire.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub struct Greeting {
+    /// Its version of the wire.
+    pub version: u8,
+    /// Who speaks.
+    pub node: Sender,
+    /// Start of its software.
+    pub boot: Boot,
+    /// Hash of its venue file.
+    pub venue_hash: u64,
+}
 
 /// Why bytes are not a message.
 #[derive(Debug, PartialEq, Eq, thiserror::Error)]
@@ -75,7 +96,7 @@ fn config() -> Configuration<LittleEndian, Varint, Limit<LIMIT>> {
 
 fn kind(message: &Message) -> u8 {
     match message {
-        Message::Hello(_) => 0,
+        Message::Hello(_) => HELLO,
         Message::State(_) => 1,
         Message::Tile(_) => 2,
         Message::Digest(_) => 3,
@@ -86,6 +107,8 @@ fn kind(message: &Message) -> u8 {
         Message::Samples(_) => 8,
         Message::Have(_) => 9,
         Message::Beacon(_) => 10,
+        Message::Health(_) => 11,
+        Message::Report(_) => 12,
     }
 }
 
@@ -96,6 +119,9 @@ fn kind(message: &Message) -> u8 {
 pub fn encode(message: &Message) -> Result<Vec<u8>, EncodeError> {
     let mut frame = Vec::with_capacity(128);
     frame.extend_from_slice(&[MAGIC[0], MAGIC[1], VERSION, kind(message)]);
+    if let Message::Hello(hello) = message {
+        greet(hello, &mut frame);
+    }
     bincode::serde::encode_into_std_write(message, &mut frame, config())
         .map_err(|error| EncodeError { reason: error.to_string() })?;
     if frame.len() > LIMIT {
@@ -112,15 +138,11 @@ pub fn decode(frame: &[u8]) -> Result<Message, DecodeError> {
     if frame.len() > LIMIT {
         return Err(DecodeError::TooLong { length: frame.len() });
     }
-    let Some((header, body)) = frame.split_at_checked(HEADER) else {
-        return Err(DecodeError::NotOurs);
-    };
-    if header[..2] != MAGIC {
-        return Err(DecodeError::NotOurs);
-    }
+    let (header, body) = split(frame)?;
     if header[2] != VERSION {
         return Err(DecodeError::Version { found: header[2] });
     }
+    let body = if header[3] == HELLO { body.get(GREETING..).unwrap_or_default() } else { body };
     let (message, used): (Message, usize) = bincode::serde::decode_from_slice(body, config())
         .map_err(|error| DecodeError::Body { reason: error.to_string() })?;
     if kind(&message) != header[3] {
@@ -130,5 +152,77 @@ pub fn decode(frame: &[u8]) -> Result<Message, DecodeError> {
         return Err(DecodeError::Trailing { count: body.len() - used });
     }
     message.check().map_err(|reason| DecodeError::Impossible { reason })?;
+    if let Message::Hello(hello) = &message
+        && greeting(frame)?
+            != (Greeting {
+                version: VERSION,
+                node: hello.node,
+                boot: hello.boot,
+                venue_hash: hello.venue_hash,
+            })
+    {
+        return Err(DecodeError::Impossible { reason: "a greeting and its body name the same node" });
+    }
     Ok(message)
+}
+
+/// Reads what a Hello says in every version of the wire.
+///
+/// # Errors
+/// The frame is no Hello of any version.
+pub fn greeting(frame: &[u8]) -> Result<Greeting, DecodeError> {
+    let (header, rest) = split(frame)?;
+    let Some(bytes) = rest.first_chunk::<GREETING>().filter(|_| header[3] == HELLO) else {
+        return Err(DecodeError::NotOurs);
+    };
+    let [n0, n1, b0, b1, b2, b3, venue @ ..] = *bytes;
+    let node = match u16::from_le_bytes([n0, n1]) {
+        GROUND => Sender::Ground,
+        OPERATOR => Sender::Operator,
+        number => match u8::try_from(number) {
+            Ok(id) => Sender::Vehicle(VehicleId(id)),
+            Err(_) => {
+                return Err(DecodeError::Impossible {
+                    reason: "a node is a vehicle, the ground or an operator",
+                });
+            }
+        },
+    };
+    let boot = Boot(u32::from_le_bytes([b0, b1, b2, b3]));
+    Ok(Greeting { version: header[2], node, boot, venue_hash: u64::from_le_bytes(venue) })
+}
+
+fn greet(hello: &Hello, frame: &mut Vec<u8>) {
+    let node = match hello.node {
+        Sender::Vehicle(id) => u16::from(id.0),
+        Sender::Ground => GROUND,
+        Sender::Operator => OPERATOR,
+    };
+    frame.extend_from_slice(&node.to_le_bytes());
+    frame.extend_from_slice(&hello.boot.0.to_le_bytes());
+    frame.extend_from_slice(&hello.venue_hash.to_le_bytes());
+}
+
+fn split(frame: &[u8]) -> Result<(&[u8], &[u8]), DecodeError> {
+    let (header, body) = frame.split_at_checked(HEADER).ok_or(DecodeError::NotOurs)?;
+    if header[..2] == MAGIC { Ok((header, body)) } else { Err(DecodeError::NotOurs) }
+}
+
+/// Writes a value that only programs of one version read, such as an actor's snapshot.
+///
+/// # Errors
+/// The value cannot be written.
+pub fn pack<T: serde::Serialize>(value: &T) -> Result<Vec<u8>, EncodeError> {
+    bincode::serde::encode_to_vec(value, bincode::config::standard())
+        .map_err(|error| EncodeError { reason: error.to_string() })
+}
+
+/// Reads what [`pack`] wrote.
+///
+/// # Errors
+/// The bytes are not such a value, or bytes are left over.
+pub fn unpack<T: serde::de::DeserializeOwned>(bytes: &[u8]) -> Result<T, DecodeError> {
+    let (value, used) = bincode::serde::decode_from_slice(bytes, bincode::config::standard())
+        .map_err(|error| DecodeError::Body { reason: error.to_string() })?;
+    if used == bytes.len() { Ok(value) } else { Err(DecodeError::Trailing { count: bytes.len() - used }) }
 }

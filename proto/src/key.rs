@@ -1,14 +1,41 @@
 //! Under which key a message is published: `tomoswarm/<venue>/<sender>/<kind>[/…]`.
 
+use std::fmt;
+
+use serde::{Deserialize, Serialize};
+
 use crate::{Message, VehicleId};
 
 /// Who publishes.
-#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Debug)]
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Debug, Serialize, Deserialize)]
 pub enum Sender {
     /// The ground station.
     Ground,
     /// A vehicle.
     Vehicle(VehicleId),
+    /// An operator's tool, beside the ground station.
+    Operator,
+}
+
+impl Sender {
+    /// Gives the part of the key that belongs to this sender alone: `ground`, `vehicle/3` or `operator`.
+    pub fn prefix(self) -> String {
+        match self {
+            Sender::Ground => "ground".to_owned(),
+            Sender::Vehicle(vehicle) => format!("vehicle/{vehicle}"),
+            Sender::Operator => "operator".to_owned(),
+        }
+    }
+}
+
+impl fmt::Display for Sender {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Sender::Ground => f.write_str("the ground station"),
+            Sender::Vehicle(vehicle) => write!(f, "vehicle {vehicle}"),
+            Sender::Operator => f.write_str("an operator"),
+        }
+    }
 }
 
 /// A key expression, without the venue's prefix.
@@ -21,10 +48,7 @@ pub struct Key(String);
 impl Key {
     /// Gives the key of a message.
     pub fn of(sender: Sender, message: &Message) -> Key {
-        let who = match sender {
-            Sender::Ground => "ground".to_owned(),
-            Sender::Vehicle(vehicle) => format!("vehicle/{vehicle}"),
-        };
+        let who = sender.prefix();
         let what = match message {
             Message::Hello(_) => "hello".to_owned(),
             Message::State(_) => "state".to_owned(),
@@ -40,8 +64,25 @@ impl Key {
             Message::Samples(_) => "samples".to_owned(),
             Message::Have(_) => "have".to_owned(),
             Message::Beacon(_) => "beacon".to_owned(),
+            Message::Health(_) => "health".to_owned(),
+            Message::Report(_) => "report".to_owned(),
         };
         Key(format!("{who}/{what}"))
+    }
+
+    /// Gives who wrote under a key (without the venue's prefix); `None` when no sender has such a key.
+    pub fn sender(key: &str) -> Option<Sender> {
+        let mut parts = key.split('/');
+        match (parts.next()?, parts.next()?) {
+            ("ground", _) => Some(Sender::Ground),
+            ("operator", _) => Some(Sender::Operator),
+            ("vehicle", number) => {
+                parts.next()?;
+                let id = number.parse().ok().filter(|id: &u8| id.to_string() == number)?;
+                Some(Sender::Vehicle(VehicleId(id)))
+            }
+            _ => None,
+        }
     }
 
     /// Gives the key as text.
@@ -60,5 +101,20 @@ mod tests {
         let key = Key::of(Sender::Vehicle(VehicleId(3)), &Message::Progress(Progress::default()));
         assert_eq!(key.as_str(), "vehicle/3/progress");
         assert_eq!(Key::of(Sender::Ground, &Message::Digest(Digest::default())).as_str(), "ground/digest");
+    }
+
+    #[test]
+    fn a_key_tells_who_wrote_under_it() {
+        for sender in
+            [Sender::Ground, Sender::Operator, Sender::Vehicle(VehicleId(0)), Sender::Vehicle(VehicleId(255))]
+        {
+            let key = Key::of(sender, &Message::Digest(Digest::default()));
+            assert_eq!(Key::sender(key.as_str()), Some(sender));
+        }
+        for foreign in
+            ["", "ground", "vehicle/3", "vehicle/300/state", "vehicle/03/state", "vehicle/+3/state", "x/y"]
+        {
+            assert_eq!(Key::sender(foreign), None, "{foreign}");
+        }
     }
 }

@@ -8,6 +8,7 @@
 #![warn(missing_docs)]
 
 mod cells;
+mod check;
 pub mod codec;
 mod id;
 mod key;
@@ -16,7 +17,7 @@ mod message;
 pub use id::{Boot, LayerId, Lease, Revision, RunId, StopId, VehicleId};
 pub use key::{Key, Sender};
 pub use message::{
-    Beacon, Digest, Have, HeardFrom, Hello, LayerDigest, LegReport, Message, Mode, Order, OrderKind, Plan,
-    PoseReport, Position, Progress, Sample, Samples, State, Stop, TILE_CELLS, TILE_SIDE, TileAddress,
-    TileReport, Want,
+    Beacon, Digest, Have, Health, HeardFrom, Hello, LayerDigest, LegReport, Message, Mode, Order, OrderKind,
+    Ordered, Plan, PoseReport, Position, Progress, Report, Sample, Samples, State, StationPhase, Stop,
+    TILE_CELLS, TILE_SIDE, TileAddress, TileReport, Want,
 };

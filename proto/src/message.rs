@@ -2,23 +2,12 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::{Boot, LayerId, Lease, Revision, RunId, StopId, VehicleId};
+use crate::{Boot, LayerId, Lease, Revision, RunId, Sender, StopId, VehicleId};
 
 /// Cells along one side of a tile.
 pub const TILE_SIDE: usize = 32;
 /// Cells of a tile.
 pub const TILE_CELLS: usize = TILE_SIDE * TILE_SIDE;
-
-/// Layers of a digest at most; one a start of a vehicle's software.
-const LAYERS_MAX: usize = 256;
-/// Tiles of a want at most.
-const KNOWN_MAX: usize = 4096;
-/// Bytes of a software version at most.
-const SOFTWARE_MAX: usize = 256;
-/// Stops of a plan at most.
-const STOPS_MAX: usize = 4096;
-/// Corners of a route, or partners or stops waited for, at most.
-const LIST_MAX: usize = 1024;
 
 /// A place in the venue's local frame.
 #[derive(Clone, Copy, PartialEq, Debug, Default, Serialize, Deserialize)]
@@ -27,6 +16,8 @@ pub struct Position {
     pub x_m: f64,
     /// Metres along the venue's y axis.
     pub y_m: f64,
+    /// Metres above the datum; 0 for what drives on the ground.
+    pub z_m: f64,
 }
 
 /// A pose as a vehicle knows it.
@@ -65,6 +56,26 @@ pub struct LegReport {
     pub route: Vec<Position>,
 }
 
+/// The highest order that a vehicle has accepted.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Default, Serialize, Deserialize)]
+pub struct Ordered {
+    /// By whose right.
+    pub lease: Lease,
+    /// Which of that lease's orders.
+    pub revision: Revision,
+    /// In which run.
+    pub run: RunId,
+    /// What was ordered; `None` = nothing yet.
+    pub kind: Option<OrderKind>,
+}
+
+impl Ordered {
+    /// Gives what orders are compared by: the higher one wins.
+    pub fn edition(&self) -> (Lease, Revision) {
+        (self.lease, self.revision)
+    }
+}
+
 /// What a vehicle says of itself, several times a second.
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
 pub struct State {
@@ -86,8 +97,8 @@ pub struct State {
     pub leg: Option<LegReport>,
     /// Run and revision of the plan it has accepted.
     pub accepted: (RunId, Revision),
-    /// Highest order accepted: lease and revision.
-    pub ordered: (Lease, Revision),
+    /// Highest order accepted.
+    pub ordered: Ordered,
 }
 
 /// Where a tile lies: altitude slice, then tile column and row.
@@ -162,7 +173,7 @@ pub struct Stop {
 }
 
 /// The whole list of stops of one vehicle.
-#[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
+#[derive(Clone, PartialEq, Debug, Default, Serialize, Deserialize)]
 pub struct Plan {
     /// Whose plan.
     pub vehicle: VehicleId,
@@ -170,6 +181,10 @@ pub struct Plan {
     pub run: RunId,
     /// Of which revision; all vehicles' plans of a revision belong together.
     pub revision: Revision,
+    /// By whose right; a vehicle follows no plan of a lower lease than the highest it has heard.
+    pub lease: Lease,
+    /// Newest state heard from the vehicle, so that it can judge the plan's age by its own clock.
+    pub seen_state: u64,
     /// Every vehicle of the revision, ascending; it is complete when all their plans are there.
     pub members: Vec<VehicleId>,
     /// Where the vehicle must stand to begin.
@@ -183,6 +198,8 @@ pub struct Plan {
 pub struct Progress {
     /// Who speaks.
     pub vehicle: VehicleId,
+    /// Start of its software.
+    pub boot: Boot,
     /// Of which run.
     pub run: RunId,
     /// The revision it follows.
@@ -206,6 +223,8 @@ pub enum OrderKind {
     Land,
     /// Stop at once.
     Emergency,
+    /// Cut the motors at once, whatever falls; asked for separately and confirmed.
+    CutMotors,
 }
 
 /// An order, repeated until its effect shows in State.
@@ -279,19 +298,98 @@ pub struct Have {
     pub store: u64,
     /// Per vehicle, boot and run.
     pub watermarks: Vec<HeardFrom>,
+    /// Runs that are closed, ascending: only of these may covered samples be forgotten for good.
+    pub closed: Vec<RunId>,
 }
 
-/// Who a node is; said on joining.
+/// Who a node is; said on joining and repeated. Its first bytes are the same in all versions of the wire
+/// (see [`crate::codec::greeting`]).
 #[derive(Clone, PartialEq, Eq, Debug, Serialize, Deserialize)]
 pub struct Hello {
-    /// Who speaks; `None` = the ground station.
-    pub vehicle: Option<VehicleId>,
+    /// Who speaks.
+    pub node: Sender,
     /// Start of its software.
     pub boot: Boot,
     /// Hash of the venue file; nodes of different venues refuse each other.
     pub venue_hash: u64,
+    /// Drawn anew at every start, so that two nodes of one name can be told apart.
+    pub instance: u64,
+    /// Whether it takes part already; otherwise it asks whether it may.
+    pub is_member: bool,
     /// Version of the software.
     pub software: String,
+    /// What it can do, in words such as `radio` or `range`.
+    pub capabilities: Vec<String>,
+}
+
+/// How a vehicle fares apart from where it is: what an operator looks at before a run.
+#[derive(Clone, PartialEq, Eq, Debug, Default, Serialize, Deserialize)]
+pub struct Health {
+    /// Who speaks.
+    pub vehicle: VehicleId,
+    /// Start of its software.
+    pub boot: Boot,
+    /// Whom it has heard by radio in the last 5 s, ascending.
+    pub hears: Vec<VehicleId>,
+    /// Samples kept that the ground has not confirmed.
+    pub samples_waiting: u64,
+    /// Samples lost since nothing could keep them.
+    pub samples_lost: u64,
+    /// Inputs that actors have dropped unread.
+    pub inputs_dropped: u64,
+    /// Room left where it keeps its data, MB; `None` = not known.
+    pub disk_free_mb: Option<u32>,
+    /// What is wrong, in words; empty when all is well.
+    pub troubles: Vec<String>,
+}
+
+/// What the ground station is doing.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Default, Serialize, Deserialize)]
+pub enum StationPhase {
+    /// Nothing is wished, or all is done.
+    #[default]
+    Idle,
+    /// A sweep is wished; not every vehicle has been heard yet.
+    Waiting,
+    /// Everyone is brought to rest.
+    Stopping,
+    /// Plans are made.
+    Planning,
+    /// The sweep is driven.
+    Running,
+    /// All stops are done; the last samples come in.
+    Closing,
+}
+
+/// What the ground station says of itself, once a second.
+#[derive(Clone, PartialEq, Eq, Debug, Default, Serialize, Deserialize)]
+pub struct Report {
+    /// Start of its software.
+    pub boot: Boot,
+    /// By which right it gives orders and plans.
+    pub lease: Lease,
+    /// Which store it writes.
+    pub store: u64,
+    /// What it is doing.
+    pub phase: StationPhase,
+    /// The run it is doing that for.
+    pub run: RunId,
+    /// Laps done of the run.
+    pub laps_done: u32,
+    /// Laps of the run, as far as planned.
+    pub laps: u32,
+    /// Samples stored of the run.
+    pub samples: u64,
+    /// Pictures made so far.
+    pub pictures: u32,
+    /// The vehicles that it plans for, ascending.
+    pub members: Vec<VehicleId>,
+    /// The vehicles that it has given up for now, ascending.
+    pub lost: Vec<VehicleId>,
+    /// What was ordered and not ended by a start.
+    pub standing: Option<OrderKind>,
+    /// What is wrong, in words; empty when all is well.
+    pub troubles: Vec<String>,
 }
 
 /// What a radio says: who and where it is, and how far with its plan.
@@ -330,149 +428,23 @@ pub enum Message {
     Samples(Samples),
     Have(Have),
     Beacon(Beacon),
+    Health(Health),
+    Report(Report),
 }
 
 impl Message {
-    /// Names what makes a message impossible; `Ok` when it may be handed to an actor.
-    ///
-    /// # Errors
-    /// The field that is wrong and what was expected of it.
-    pub fn check(&self) -> Result<(), &'static str> {
+    /// Gives who alone may say this message; `None` when several may (a tile is handed on by anyone, an order comes
+    /// from the ground or an operator).
+    pub fn author(&self) -> Option<Sender> {
         match self {
-            Message::State(state) => state.check(),
-            Message::Tile(tile) if tile.cells.len() != TILE_CELLS => Err("a tile has 1024 cells"),
-            Message::Plan(plan) => plan.check(),
-            Message::Tile(_) => Ok(()),
-            Message::Samples(batch) => batch.check(),
-            Message::Beacon(beacon) => beacon.check(),
-            Message::Hello(hello) if hello.software.len() > SOFTWARE_MAX => {
-                Err("a version has at most 256 bytes")
-            }
-            Message::Hello(_) => Ok(()),
-            Message::Digest(digest) if digest.layers.len() > LAYERS_MAX => {
-                Err("a digest has at most 256 layers")
-            }
-            Message::Digest(_) => Ok(()),
-            Message::Want(want) if want.known.len() > KNOWN_MAX => Err("a want has at most 4096 tiles"),
-            Message::Want(_) => Ok(()),
-            Message::Progress(progress) => progress.check(),
-            Message::Order(order) => number(order.run.0).and(number(order.revision.0)),
-            Message::Have(have) => have.watermarks.iter().try_for_each(|mark| number(mark.run.0)),
-        }
-    }
-}
-
-/// Checks a number that others count on from: the last one is never given.
-fn number(number: u32) -> Result<(), &'static str> {
-    if number == u32::MAX { Err("a run, revision or stop is under 4294967295") } else { Ok(()) }
-}
-
-/// Checks members: each named once, ascending.
-fn ascending(members: &[VehicleId]) -> Result<(), &'static str> {
-    let sorted = members.windows(2).all(|pair| pair[0] < pair[1]);
-    if sorted { Ok(()) } else { Err("members are ascending, each named once") }
-}
-
-impl Position {
-    fn check(&self) -> Result<(), &'static str> {
-        let sane = |metres: f64| metres.abs() < 1e6;
-        if sane(self.x_m) && sane(self.y_m) { Ok(()) } else { Err("a position is finite and under 1000 km") }
-    }
-}
-
-impl PoseReport {
-    fn check(&self) -> Result<(), &'static str> {
-        self.at.check()?;
-        if !self.heading_rad.is_finite() {
-            return Err("a heading is finite");
-        }
-        if (0.0..1e6).contains(&self.sd_m) { Ok(()) } else { Err("a pose deviation is from 0 to 1000 km") }
-    }
-}
-
-impl State {
-    fn check(&self) -> Result<(), &'static str> {
-        self.pose.check()?;
-        if !(0.0..1e3).contains(&self.speed_mps) {
-            return Err("a speed is from 0 to 1000 m/s");
-        }
-        if !(0.0..=1.0).contains(&self.battery) {
-            return Err("a battery is from 0 to 1");
-        }
-        number(self.accepted.0.0).and(number(self.accepted.1.0)).and(number(self.ordered.1.0))?;
-        check_route(self.leg.as_ref().map_or(&[], |leg| &leg.route))
-    }
-}
-
-impl Plan {
-    fn check(&self) -> Result<(), &'static str> {
-        self.start.check()?;
-        if !self.members.contains(&self.vehicle) {
-            return Err("a plan's vehicle is one of its members");
-        }
-        ascending(&self.members)?;
-        number(self.run.0).and(number(self.revision.0))?;
-        if self.stops.len() > STOPS_MAX {
-            return Err("a plan has at most 4096 stops");
-        }
-        self.stops.iter().try_for_each(Stop::check)
-    }
-}
-
-impl Stop {
-    fn check(&self) -> Result<(), &'static str> {
-        if self.partners.len() > LIST_MAX || self.after.len() > LIST_MAX {
-            return Err("a stop has at most 1024 partners and 1024 stops to wait for");
-        }
-        number(self.id.0)?;
-        self.after.iter().try_for_each(|(_, stop)| number(stop.0))?;
-        self.at.check()?;
-        check_route(&self.route)
-    }
-}
-
-fn check_route(route: &[Position]) -> Result<(), &'static str> {
-    if route.len() > LIST_MAX {
-        return Err("a route has at most 1024 corners");
-    }
-    route.iter().try_for_each(Position::check)
-}
-
-impl Progress {
-    fn check(&self) -> Result<(), &'static str> {
-        number(self.run.0).and(number(self.revision.0))?;
-        self.done.iter().chain(&self.leg).try_for_each(|stop| number(stop.0))
-    }
-}
-
-impl Beacon {
-    fn check(&self) -> Result<(), &'static str> {
-        self.pose.check()?;
-        self.progress.check()?;
-        if self.progress.vehicle != self.sender {
-            return Err("a beacon's progress is its sender's");
-        }
-        ascending(&self.members)
-    }
-}
-
-impl Samples {
-    fn check(&self) -> Result<(), &'static str> {
-        number(self.run.0)?;
-        if !self.samples.windows(2).all(|pair| pair[0].sequence < pair[1].sequence) {
-            return Err("samples are ascending by sequence");
-        }
-        self.samples.iter().try_for_each(Sample::check)
-    }
-}
-
-impl Sample {
-    fn check(&self) -> Result<(), &'static str> {
-        self.transmitter_pose.check()?;
-        self.receiver_pose.check()?;
-        match self.rssi_dbm {
-            Some(rssi) if !(-200..=100).contains(&rssi) => Err("an RSSI is from -200 to 100 dBm"),
-            Some(_) | None => Ok(()),
+            Message::Hello(hello) => Some(hello.node),
+            Message::State(state) => Some(Sender::Vehicle(state.vehicle)),
+            Message::Progress(progress) => Some(Sender::Vehicle(progress.vehicle)),
+            Message::Samples(batch) => Some(Sender::Vehicle(batch.vehicle)),
+            Message::Beacon(beacon) => Some(Sender::Vehicle(beacon.sender)),
+            Message::Health(health) => Some(Sender::Vehicle(health.vehicle)),
+            Message::Plan(_) | Message::Have(_) | Message::Report(_) => Some(Sender::Ground),
+            Message::Tile(_) | Message::Digest(_) | Message::Want(_) | Message::Order(_) => None,
         }
     }
 }

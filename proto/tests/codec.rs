@@ -128,7 +128,7 @@ fn the_last_number_is_refused_everywhere() {
         let pick = |message| if let Message::State(state) = message { Some(state) } else { None };
         refused(&changed(pick, Message::State, change), "under 4294967295");
     };
-    state(|state| state.ordered.1 = Revision(u32::MAX));
+    state(|state| state.ordered.revision = Revision(u32::MAX));
     state(|state| state.accepted.1 = Revision(u32::MAX));
     state(|state| state.accepted.0 = RunId(u32::MAX));
     let progress = |change: fn(&mut Progress)| {
@@ -177,12 +177,13 @@ fn lists_are_bounded_and_in_order() {
     batch.samples.swap(0, 1);
     refused(&Message::Samples(batch), "ascending by sequence");
     let software = "x".repeat(257);
-    let hello = Hello { vehicle: None, boot: Boot(1), venue_hash: 0, software };
-    refused(&Message::Hello(hello), "256 bytes");
+    let hello = || example(|message| if let Message::Hello(hello) = message { Some(hello) } else { None });
+    refused(&Message::Hello(Hello { software: software.clone(), ..hello() }), "256 bytes");
+    refused(&Message::Hello(Hello { capabilities: vec![software], ..hello() }), "32 words");
 }
 
 fn position() -> impl Strategy<Value = Position> {
-    (-9e5..9e5, -9e5..9e5).prop_map(|(x_m, y_m)| Position { x_m, y_m })
+    (-9e5..9e5, -9e5..9e5, -9e5..9e5).prop_map(|(x_m, y_m, z_m)| Position { x_m, y_m, z_m })
 }
 
 fn pose() -> impl Strategy<Value = PoseReport> {
@@ -206,6 +207,7 @@ fn progress() -> impl Strategy<Value = Progress> {
     (vehicle(), number(), number(), prop::option::of(number()), prop::option::of(number())).prop_map(
         |(vehicle, run, revision, done, leg)| Progress {
             vehicle,
+            boot: Boot(run ^ 5),
             run: RunId(run),
             revision: Revision(revision),
             done: done.map(StopId),
@@ -239,7 +241,8 @@ fn plan() -> impl Strategy<Value = Message> {
             members.sort_unstable();
             members.dedup();
             let (run, revision) = (RunId(run), Revision(revision));
-            Message::Plan(Plan { vehicle, run, revision, members, start, stops })
+            let lease = Lease { number: 3, holder: 5 };
+            Message::Plan(Plan { vehicle, run, revision, lease, seen_state: 9, members, start, stops })
         },
     )
 }
@@ -324,7 +327,12 @@ fn state() -> impl Strategy<Value = Message> {
                     battery,
                     leg: leg.map(|route| LegReport { route }),
                     accepted: (RunId(run), Revision(accepted)),
-                    ordered: (Lease { number: boot, holder }, Revision(ordered)),
+                    ordered: Ordered {
+                        lease: Lease { number: boot, holder },
+                        revision: Revision(ordered),
+                        run: RunId(run),
+                        kind: None,
+                    },
                 })
             },
         )
@@ -352,9 +360,12 @@ fn beacon() -> impl Strategy<Value = Message> {
 }
 
 fn hello() -> impl Strategy<Value = Message> {
-    (prop::option::of(vehicle()), any::<u32>(), any::<u64>(), ".{0,40}").prop_map(
-        |(vehicle, boot, venue_hash, software)| {
-            Message::Hello(Hello { vehicle, boot: Boot(boot), venue_hash, software })
+    let node = prop_oneof![Just(Sender::Ground), Just(Sender::Operator), vehicle().prop_map(Sender::Vehicle)];
+    let words = prop::collection::vec(".{0,20}", 0..4);
+    (node, any::<u32>(), any::<[u64; 2]>(), any::<bool>(), ".{0,40}", words).prop_map(
+        |(node, boot, [venue_hash, instance], is_member, software, capabilities)| {
+            let boot = Boot(boot);
+            Message::Hello(Hello { node, boot, venue_hash, instance, is_member, software, capabilities })
         },
     )
 }
@@ -407,6 +418,7 @@ fn bookkeeping() -> impl Strategy<Value = Message> {
                     .collect(),
             }),
             _ => Message::Have(Have {
+                closed: vec![RunId(3)],
                 store,
                 watermarks: entries
                     .iter()
@@ -455,7 +467,7 @@ proptest! {
     }
 
     #[test]
-    fn a_changed_byte_never_panics(at in 0_usize..2000, to in any::<u8>(), which in 0_usize..11) {
+    fn a_changed_byte_never_panics(at in 0_usize..2000, to in any::<u8>(), which in 0_usize..13) {
         let mut frame = frame(&examples()[which].1);
         let at = at % frame.len();
         frame[at] = to;

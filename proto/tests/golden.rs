@@ -5,7 +5,7 @@ mod examples;
 
 use examples::examples;
 use tomoswarm_proto::codec::{decode, encode};
-use tomoswarm_proto::{Message, Progress, Revision, RunId, StopId, VehicleId};
+use tomoswarm_proto::{Boot, Message, Progress, Revision, RunId, StopId, VehicleId};
 
 fn hex(bytes: &[u8]) -> String {
     bytes.iter().map(|byte| format!("{byte:02x}")).collect()
@@ -39,19 +39,20 @@ fn the_bytes_of_version_1_can_be_read() {
 fn every_kind_has_an_example() {
     let mut kinds: Vec<u8> = examples().iter().map(|(_, message)| encode(message).unwrap()[3]).collect();
     kinds.dedup();
-    assert_eq!(kinds, (0..=10).collect::<Vec<u8>>());
+    assert_eq!(kinds, (0..=12).collect::<Vec<u8>>());
 }
 
 #[test]
 fn a_frame_is_laid_out_as_documented() {
     let progress = Progress {
         vehicle: VehicleId(3),
+        boot: Boot(4),
         run: RunId(2),
         revision: Revision(300),
         done: Some(StopId(7)),
         leg: None,
     };
     let frame = encode(&Message::Progress(progress)).unwrap();
-    // Magic, version, kind; kind again; vehicle, run, revision as a 16-bit varint, Some(7), None.
-    assert_eq!(hex(&frame), "74530106".to_owned() + "06" + "03" + "02" + "fb2c01" + "0107" + "00");
+    // Magic, version, kind; kind again; vehicle, boot, run, revision as a 16-bit varint, Some(7), None.
+    assert_eq!(hex(&frame), "74530106".to_owned() + "06" + "03" + "04" + "02" + "fb2c01" + "0107" + "00");
 }

@@ -153,7 +153,7 @@ impl From<Position> for Point {
 
 impl From<Point> for Position {
     fn from(point: Point) -> Position {
-        Position { x_m: point.x_m, y_m: point.y_m }
+        Position { x_m: point.x_m, y_m: point.y_m, z_m: 0.0 }
     }
 }
 

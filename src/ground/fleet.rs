@@ -45,7 +45,7 @@ impl Fleet {
         let Some(member) = self.members.get_mut(&state.vehicle) else { return };
         let key = |state: &State| (state.boot, state.sequence);
         if member.state.as_ref().is_none_or(|(_, known)| key(&state) > key(known)) {
-            let obeyed = |order: &Order| state.ordered >= (order.lease, order.revision);
+            let obeyed = |order: &Order| state.ordered.edition() >= (order.lease, order.revision);
             if member.order.as_ref().is_some_and(obeyed) {
                 member.order = None;
             }
@@ -79,7 +79,7 @@ impl Fleet {
     /// Orders something of every vehicle, above whatever it has obeyed before.
     pub fn order_all(&mut self, run: RunId, kind: OrderKind) {
         for (vehicle, member) in &mut self.members {
-            let obeyed = member.state.as_ref().map_or(Revision(0), |(_, state)| state.ordered.1);
+            let obeyed = member.state.as_ref().map_or(Revision(0), |(_, state)| state.ordered.revision);
             let pending = member.order.as_ref().map_or(Revision(0), |order| order.revision);
             let revision = Revision(obeyed.max(pending).0.saturating_add(1));
             member.order =
@@ -100,7 +100,7 @@ impl Fleet {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use tomoswarm_proto::{Boot, Mode};
+    use tomoswarm_proto::{Boot, Mode, Ordered};
 
     fn state(sequence: u64, ordered: Revision, lease: Lease) -> State {
         State {
@@ -113,7 +113,7 @@ mod tests {
             battery: 1.0,
             leg: None,
             accepted: Default::default(),
-            ordered: (lease, ordered),
+            ordered: Ordered { lease, revision: ordered, ..Ordered::default() },
         }
     }
 

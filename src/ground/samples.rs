@@ -77,7 +77,7 @@ impl SampleStore {
             run: *run,
             below: received.below,
         };
-        Have { store: self.store, watermarks: self.received.iter().map(mark).collect() }
+        Have { store: self.store, watermarks: self.received.iter().map(mark).collect(), closed: Vec::new() }
     }
 
     /// Gives how many samples of a run are stored.
@@ -113,7 +113,7 @@ mod tests {
             transmitter: VehicleId(1),
             transmitter_pose: Default::default(),
             receiver_pose: tomoswarm_proto::PoseReport {
-                at: tomoswarm_proto::Position { x_m: 9.0, y_m: 0.0 },
+                at: tomoswarm_proto::Position { x_m: 9.0, y_m: 0.0, z_m: 0.0 },
                 ..Default::default()
             },
             channel: 11,

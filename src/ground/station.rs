@@ -239,6 +239,8 @@ impl Station {
             | Message::Order(_)
             | Message::Have(_)
             | Message::Hello(_)
+            | Message::Health(_)
+            | Message::Report(_)
             | Message::Beacon(_) => {}
         }
     }
@@ -265,7 +267,11 @@ impl Station {
                 self.publish_orders(out);
                 match kind {
                     OrderKind::Start => self.go_on(now, out),
-                    OrderKind::Hold | OrderKind::Return | OrderKind::Land | OrderKind::Emergency => {
+                    OrderKind::Hold
+                    | OrderKind::Return
+                    | OrderKind::Land
+                    | OrderKind::Emergency
+                    | OrderKind::CutMotors => {
                         self.standing = self.standing.max(Some(kind));
                     }
                 }

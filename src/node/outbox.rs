@@ -182,7 +182,7 @@ mod tests {
 
     fn have(below: u64) -> In {
         let mark = HeardFrom { vehicle: VehicleId(1), boot: Boot(1), run: RunId(1), below };
-        In::Have(Have { store: 1, watermarks: vec![mark] })
+        In::Have(Have { store: 1, watermarks: vec![mark], closed: vec![] })
     }
 
     fn sent(outbox: &mut Outbox) -> Vec<u64> {
@@ -243,7 +243,7 @@ mod tests {
         }
         outbox.handle(Time::ZERO, have(2), &mut Vec::new()).unwrap();
         assert_eq!(sent(&mut outbox), (2..10).collect::<Vec<_>>());
-        let other = In::Have(Have { store: 2, watermarks: vec![] });
+        let other = In::Have(Have { store: 2, watermarks: vec![], closed: vec![] });
         outbox.handle(Time::ZERO, other, &mut Vec::new()).unwrap();
         assert_eq!(sent(&mut outbox), (2..10).collect::<Vec<_>>());
     }

@@ -123,7 +123,11 @@ fn route_message(message: Message, to: &mut Vec<To>) {
         Message::Order(order) => to.push(To::Vehicle(vehicle::In::Order(order))),
         Message::Have(have) => to.push(To::Outbox(outbox::In::Have(have))),
         // Samples are the ground's business; beacons come by radio; greetings are the bus's.
-        Message::Samples(_) | Message::Beacon(_) | Message::Hello(_) => {}
+        Message::Samples(_)
+        | Message::Beacon(_)
+        | Message::Hello(_)
+        | Message::Health(_)
+        | Message::Report(_) => {}
     }
 }
 

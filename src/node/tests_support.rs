@@ -13,7 +13,7 @@ pub fn state(vehicle: u8, x_m: f64, y_m: f64) -> State {
         vehicle: VehicleId(vehicle),
         boot: Boot(1),
         sequence: 1,
-        pose: PoseReport { at: Position { x_m, y_m }, heading_rad: 0.0, sd_m: 0.05 },
+        pose: PoseReport { at: Position { x_m, y_m, z_m: 0.0 }, heading_rad: 0.0, sd_m: 0.05 },
         speed_mps: 0.0,
         mode: Mode::Idle,
         battery: 1.0,

@@ -23,7 +23,7 @@ mod words;
 use std::collections::VecDeque;
 use std::time::Duration;
 
-use tomoswarm_proto::{Lease, LegReport, Mode, Order, OrderKind, Revision, RunId, State, VehicleId};
+use tomoswarm_proto::{LegReport, Mode, Order, OrderKind, Ordered, Revision, RunId, State, VehicleId};
 
 use super::Settings;
 use super::peers::{Peer, Peers, join_states};
@@ -95,7 +95,7 @@ pub struct Vehicle {
     held: bool,
     emergency: bool,
     accepted: (RunId, Revision),
-    ordered: (Lease, Revision),
+    ordered: Ordered,
     sequence: u64,
     /// When recent states were made, to judge the age of orders by.
     made: VecDeque<(u64, Time)>,
@@ -322,13 +322,14 @@ impl Vehicle {
     }
 
     fn order(&mut self, now: Time, order: Order, out: &mut Vec<Out>) {
-        let newer = (order.lease, order.revision) > self.ordered;
+        let newer = (order.lease, order.revision) > self.ordered.edition();
         if order.vehicle != self.settings.vehicle || !newer || self.is_stale(now, order) {
             return;
         }
-        self.ordered = (order.lease, order.revision);
+        let Order { lease, revision, run, kind, .. } = order;
+        self.ordered = Ordered { lease, revision, run, kind: Some(kind) };
         match order.kind {
-            OrderKind::Emergency => {
+            OrderKind::Emergency | OrderKind::CutMotors => {
                 self.emergency = true;
                 self.stop(now, out);
             }
@@ -342,7 +343,7 @@ impl Vehicle {
     /// An order is stale when it answers a state that was made too long ago; stopping is never stale.
     fn is_stale(&self, now: Time, order: Order) -> bool {
         match order.kind {
-            OrderKind::Hold | OrderKind::Emergency | OrderKind::Land => false,
+            OrderKind::Hold | OrderKind::Emergency | OrderKind::Land | OrderKind::CutMotors => false,
             OrderKind::Start | OrderKind::Return => {
                 let made = self.made.iter().find(|(sequence, _)| *sequence == order.seen_state);
                 made.is_none_or(|(_, at)| now.since(*at) > ORDER_AGE)

@@ -158,9 +158,9 @@ pub fn deliver(frame: &[u8]) -> Result<Message, DecodeError> {
 pub fn receivers(message: &Message, vehicles: impl Iterator<Item = VehicleId>) -> Vec<NodeId> {
     let vehicles = vehicles.map(NodeId::Vehicle);
     match message {
-        Message::Samples(_) => vec![NodeId::Ground],
+        Message::Samples(_) | Message::Health(_) => vec![NodeId::Ground],
         Message::Order(order) => vec![NodeId::Vehicle(order.vehicle)],
-        Message::Plan(_) | Message::Have(_) => vehicles.collect(),
+        Message::Plan(_) | Message::Have(_) | Message::Report(_) => vehicles.collect(),
         Message::State(_)
         | Message::Tile(_)
         | Message::Digest(_)
@@ -175,6 +175,7 @@ fn number(node: NodeId) -> u64 {
     match node {
         NodeId::Ground => 0,
         NodeId::Vehicle(vehicle) => 1 + u64::from(vehicle.0),
+        NodeId::Operator => 257,
     }
 }
 

@@ -350,6 +350,8 @@ impl Kernel {
         self.record.counts.messages += 1;
         match to {
             NodeId::Ground => self.tell_ground(ground::Event::Bus(message)),
+            // In the simulation the scenario is the operator.
+            NodeId::Operator => Ok(()),
             NodeId::Vehicle(id) => match self.vehicles.iter().position(|vehicle| vehicle.id() == id) {
                 Some(vehicle) => self.tell(vehicle, node::Event::Bus(message)),
                 None => Ok(()),

@@ -111,7 +111,7 @@ fn walk_to_slot(ring: &Ring, way: &Way, fleet: Fleet<'_>, members: &[VehicleId])
         revision: fleet.revision,
         members: members.to_vec(),
         start: way.place.into(),
-        stops: Vec::new(),
+        ..Plan::default()
     };
     let mut walk = Walk { plan, unrolled: Vec::new(), at: way.entry };
     let entry = ring.position(index_on(ring, way.entry));

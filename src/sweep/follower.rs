@@ -293,14 +293,15 @@ impl Follower {
         true
     }
 
-    /// Gives the progress to publish, on change and again and again, also before any plan is there.
+    /// Gives the progress to publish (its boot is for the caller to fill in), on change and again and again, also before any plan is there.
     pub fn progress(&self) -> Progress {
         let nothing = Progress { vehicle: self.vehicle, ..Progress::default() };
         let Some(adopted) = &self.adopted else { return nothing };
         let (run, revision) = edition_of(&adopted.plans[adopted.own]);
         let id = |count: usize| count.checked_sub(1).map(|last| adopted.stops()[last].id);
         let leg = if adopted.is_driving() { id(adopted.entered) } else { None };
-        Progress { vehicle: self.vehicle, run, revision, done: id(adopted.done), leg }
+        let done = id(adopted.done);
+        Progress { run, revision, done, leg, ..nothing }
     }
 
     /// Tells whether every stop of the revision followed is done and no newer revision is known.
@@ -425,7 +426,7 @@ mod tests {
         let lane_m = 5.0 * f64::from(vehicle.0);
         let stop = |number: u32| Stop {
             id: StopId(number),
-            at: Position { x_m: f64::from(number), y_m: lane_m },
+            at: Position { x_m: f64::from(number), y_m: lane_m, z_m: 0.0 },
             route: vec![],
             dwell_ms: 0,
             dwell_limit_ms: 0,
@@ -437,14 +438,16 @@ mod tests {
             run: RunId(1),
             revision: Revision(revision),
             members: vec![ONE, TWO],
-            start: Position { x_m: 0.0, y_m: lane_m },
+            start: Position { x_m: 0.0, y_m: lane_m, z_m: 0.0 },
             stops: (1..=stops).map(stop).collect(),
+            ..Plan::default()
         }
     }
 
     fn peer(revision: u32, done: Option<u32>, leg: Option<u32>) -> Progress {
         let (run, revision) = (RunId(1), Revision(revision));
-        Progress { vehicle: TWO, run, revision, done: done.map(StopId), leg: leg.map(StopId) }
+        let (done, leg) = (done.map(StopId), leg.map(StopId));
+        Progress { vehicle: TWO, run, revision, done, leg, ..Progress::default() }
     }
 
     fn at(x_m: f64) -> Point {
@@ -536,7 +539,7 @@ mod tests {
         assert!(follower.hold(at(0.7)));
         assert!(follower.entered().is_empty());
         let mut next = plan(ONE, 4, 1);
-        next.start = Position { x_m: 0.8, y_m: 5.0 };
+        next.start = Position { x_m: 0.8, y_m: 5.0, z_m: 0.0 };
         follower.offer(&plan(TWO, 4, 1));
         assert_eq!(follower.offer(&next), Verdict::Adopted);
     }

@@ -115,7 +115,7 @@ fn random_plans(dice: &mut Dice, rests: &[Point], moves: u64) -> Vec<Plan> {
             revision: Revision(0),
             members: members.clone(),
             start: (*rest).into(),
-            stops: Vec::new(),
+            ..Plan::default()
         })
         .collect();
     for number in 0..moves {

@@ -386,7 +386,7 @@ mod tests {
             run: plan.run,
             revision: plan.revision,
             done: Some(StopId(done)),
-            leg: None,
+            ..Default::default()
         };
         let laps = |one: u32, other: u32| {
             let progress = [report(&sweep.plans[0], one), report(&sweep.plans[1], other)];

@@ -13,7 +13,7 @@
 
 use std::collections::BTreeSet;
 
-use tomoswarm_proto::{Plan, Position, Progress, Revision, RunId, VehicleId};
+use tomoswarm_proto::{Plan, Progress, Revision, RunId, VehicleId};
 
 use super::{PlanError, validate};
 
@@ -76,8 +76,7 @@ impl Succession {
             run: self.run,
             revision: self.revision,
             members: self.members.clone(),
-            start: Position::default(),
-            stops: Vec::new(),
+            ..Plan::default()
         };
         let plans = self.members.iter().map(empty).collect();
         self.publish(plans)
@@ -143,7 +142,7 @@ mod tests {
 
     fn report(vehicle: u8, revision: u32) -> Progress {
         let (run, revision) = (RunId(4), Revision(revision));
-        Progress { vehicle: VehicleId(vehicle), run, revision, done: None, leg: None }
+        Progress { vehicle: VehicleId(vehicle), run, revision, ..Progress::default() }
     }
 
     #[test]
@@ -163,7 +162,7 @@ mod tests {
         assert_eq!(ground.phase(), Phase::Stopped);
         plans[0].stops.push(Stop {
             id: StopId(1),
-            at: Position::default(),
+            at: Default::default(),
             route: vec![],
             dwell_ms: 0,
             dwell_limit_ms: 0,

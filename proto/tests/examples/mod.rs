@@ -3,7 +3,7 @@
 use tomoswarm_proto::*;
 
 fn position(x_m: f64, y_m: f64) -> Position {
-    Position { x_m, y_m }
+    Position { x_m, y_m, z_m: 0.0 }
 }
 
 fn pose() -> PoseReport {
@@ -20,7 +20,7 @@ fn address() -> TileAddress {
 
 fn progress() -> Progress {
     let (done, leg) = (Some(StopId(151)), Some(StopId(152)));
-    Progress { vehicle: VehicleId(2), run: RunId(9), revision: Revision(3), done, leg }
+    Progress { vehicle: VehicleId(2), boot: Boot(5), run: RunId(9), revision: Revision(3), done, leg }
 }
 
 fn state() -> State {
@@ -34,7 +34,12 @@ fn state() -> State {
         battery: 0.875,
         leg: Some(LegReport { route: vec![position(0.0, 0.0), position(1.0, 0.0)] }),
         accepted: (RunId(9), Revision(3)),
-        ordered: (Lease { number: 1, holder: u64::MAX }, Revision(4)),
+        ordered: Ordered {
+            lease: Lease { number: 1, holder: u64::MAX },
+            revision: Revision(4),
+            run: RunId(9),
+            kind: Some(OrderKind::Hold),
+        },
     }
 }
 
@@ -52,6 +57,8 @@ fn plan() -> Plan {
         vehicle: VehicleId(2),
         run: RunId(9),
         revision: Revision(3),
+        lease: Lease { number: 1, holder: u64::MAX },
+        seen_state: 1000,
         members: vec![VehicleId(1), VehicleId(2)],
         start: position(0.0, -1.0),
         stops: vec![stop],
@@ -98,15 +105,49 @@ fn order() -> Order {
     }
 }
 
+fn health() -> Health {
+    Health {
+        vehicle: VehicleId(2),
+        boot: Boot(5),
+        hears: vec![VehicleId(1), VehicleId(3)],
+        samples_waiting: 700,
+        samples_lost: 1,
+        inputs_dropped: 2,
+        disk_free_mb: Some(12_000),
+        troubles: vec!["the range sensor is silent".to_owned()],
+    }
+}
+
+fn report() -> Report {
+    Report {
+        boot: Boot(4),
+        lease: Lease { number: 1, holder: u64::MAX },
+        store: 1 << 63,
+        phase: StationPhase::Running,
+        run: RunId(9),
+        laps_done: 3,
+        laps: 8,
+        samples: 70_000,
+        pictures: 2,
+        members: vec![VehicleId(1), VehicleId(2)],
+        lost: vec![VehicleId(3)],
+        standing: Some(OrderKind::Hold),
+        troubles: vec![],
+    }
+}
+
 /// Gives the examples with the names of their golden files.
 pub fn examples() -> Vec<(&'static str, Message)> {
     let cells = (0..TILE_CELLS).map(|index| (index % 35) as i8 - 17).collect();
     let watermark = HeardFrom { vehicle: VehicleId(2), boot: Boot(5), run: RunId(9), below: 42 };
     let hello = Hello {
-        vehicle: Some(VehicleId(2)),
+        node: Sender::Vehicle(VehicleId(2)),
         boot: Boot(5),
         venue_hash: 0x0123_4567_89ab_cdef,
+        instance: 1 << 50,
+        is_member: true,
         software: "tomoswarm 0.1.0".to_owned(),
+        capabilities: vec!["range".to_owned(), "radio".to_owned()],
     };
     let digest = LayerDigest { layer: layer(), tiles: 12, hash: 0xfedc_ba98_7654_3210 };
     vec![
@@ -119,7 +160,9 @@ pub fn examples() -> Vec<(&'static str, Message)> {
         ("progress", Message::Progress(progress())),
         ("order", Message::Order(order())),
         ("samples", Message::Samples(samples(Some(-71)))),
-        ("have", Message::Have(Have { store: 1 << 63, watermarks: vec![watermark] })),
+        ("have", Message::Have(Have { store: 1 << 63, watermarks: vec![watermark], closed: vec![RunId(8)] })),
         ("beacon", Message::Beacon(beacon())),
+        ("health", Message::Health(health())),
+        ("report", Message::Report(report())),
     ]
 }

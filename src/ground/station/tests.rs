@@ -41,7 +41,7 @@ fn state() -> In {
 
 fn progress(revision: u32, done: Option<u32>) -> In {
     let (revision, done) = (Revision(revision), done.map(StopId));
-    In::Bus(Message::Progress(Progress { vehicle: ONE, run: RUN, revision, done, leg: None }))
+    In::Bus(Message::Progress(Progress { vehicle: ONE, run: RUN, revision, done, ..Progress::default() }))
 }
 
 /// Plans of two stops for every request, as the planner would make them.
@@ -57,7 +57,7 @@ fn answer() -> In {
     };
     let stops = vec![stop(1), stop(2)];
     let (members, start) = (vec![ONE], Position::default());
-    let plan = Plan { vehicle: ONE, run: RUN, revision: Revision(0), members, start, stops };
+    let plan = Plan { vehicle: ONE, run: RUN, members, start, stops, ..Plan::default() };
     In::Planned(Answer { run: RUN, plans: Ok(vec![plan]), laps: vec![vec![(ONE, StopId(2))]] })
 }
 

@@ -143,7 +143,7 @@ pub struct Mission {
 impl Mission {
     /// Makes the actor of a vehicle that waits for plans and a start.
     pub fn new(settings: Settings) -> Mission {
-        let said = Progress { vehicle: settings.vehicle, ..Progress::default() };
+        let said = Progress { vehicle: settings.vehicle, boot: settings.boot, ..Progress::default() };
         let repeat_at = Time::ZERO + REPEAT_EVERY + Duration::from_millis(53) * u32::from(settings.vehicle.0);
         Mission {
             pilot: Pilot::new(settings.clone()),
@@ -311,7 +311,7 @@ impl Mission {
                 }
                 self.wanted = Wanted::Following;
             }
-            OrderKind::Hold | OrderKind::Land | OrderKind::Emergency => {
+            OrderKind::Hold | OrderKind::Land | OrderKind::Emergency | OrderKind::CutMotors => {
                 self.wanted = Wanted::Held;
                 self.stop(now, out);
             }
@@ -342,7 +342,7 @@ impl Mission {
     /// Says progress and what is measured for, when they have changed.
     fn report(&mut self, out: &mut Vec<Out>) {
         let Some(follower) = &self.follower else { return };
-        let progress = follower.progress();
+        let progress = Progress { boot: self.settings.boot, ..follower.progress() };
         if progress != self.said {
             if (progress.run, progress.revision) != (self.said.run, self.said.revision) {
                 self.adopted(progress, out);

@@ -35,7 +35,7 @@ fn tiles(wall: Option<(f64, f64)>) -> Vec<In> {
 fn plan(revision: u32, stops: &[(f64, f64)]) -> In {
     let stop = |(index, (x_m, y_m)): (usize, &(f64, f64))| Stop {
         id: StopId(index as u32 + 1),
-        at: Position { x_m: *x_m, y_m: *y_m },
+        at: Position { x_m: *x_m, y_m: *y_m, z_m: 0.0 },
         route: vec![],
         dwell_ms: 0,
         dwell_limit_ms: 0,
@@ -45,7 +45,7 @@ fn plan(revision: u32, stops: &[(f64, f64)]) -> In {
     let (vehicle, members) = (VehicleId(1), vec![VehicleId(1)]);
     let stops = stops.iter().enumerate().map(stop).collect();
     let revision = Revision(revision);
-    In::Plan(Plan { vehicle, run: RUN, revision, members, start: Position::default(), stops })
+    In::Plan(Plan { vehicle, run: RUN, revision, members, stops, ..Plan::default() })
 }
 
 fn order(kind: OrderKind) -> In {

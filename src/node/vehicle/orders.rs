@@ -4,7 +4,7 @@ use tomoswarm_proto::{Order, OrderKind};
 
 /// Joins two unread orders: within one lease the stronger kind wins, otherwise the order of the greater lease.
 ///
-/// emergency > land > return > hold > start; the joined order carries the higher revision, so that
+/// cut motors > emergency > land > return > hold > start; the joined order carries the higher revision, so that
 /// neither of the two comes back.
 pub fn join_orders(unread: Order, newer: Order) -> Order {
     if unread.lease != newer.lease {
@@ -22,6 +22,7 @@ fn stronger(a: OrderKind, b: OrderKind) -> OrderKind {
         OrderKind::Return => 2,
         OrderKind::Land => 3,
         OrderKind::Emergency => 4,
+        OrderKind::CutMotors => 5,
     };
     if rank(b) > rank(a) { b } else { a }
 }

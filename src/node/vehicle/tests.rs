@@ -1,6 +1,8 @@
 //! What the vehicle actor refuses, obeys and reports.
 
 use super::super::tests_support::{settings, state};
+use tomoswarm_proto::Lease;
+
 use super::*;
 use crate::geom::Angle;
 

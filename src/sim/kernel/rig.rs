@@ -231,7 +231,7 @@ impl Rig {
 fn plan(revision: u32, stops: &[(f64, f64)]) -> Plan {
     let stop = |(index, (x_m, y_m)): (usize, &(f64, f64))| Stop {
         id: StopId(index as u32 + 1),
-        at: Position { x_m: *x_m, y_m: *y_m },
+        at: Position { x_m: *x_m, y_m: *y_m, z_m: 0.0 },
         route: vec![],
         dwell_ms: 0,
         dwell_limit_ms: 0,
@@ -240,7 +240,7 @@ fn plan(revision: u32, stops: &[(f64, f64)]) -> Plan {
     };
     let (vehicle, run, revision) = (VehicleId(1), RunId(1), Revision(revision));
     let stops = stops.iter().enumerate().map(stop).collect();
-    Plan { vehicle, run, revision, members: vec![vehicle], start: Position::default(), stops }
+    Plan { vehicle, run, revision, members: vec![vehicle], stops, ..Plan::default() }
 }
 
 #[test]

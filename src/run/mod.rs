@@ -1,0 +1,6 @@
+//! The live runtime: the actors of [`crate::node`] and [`crate::ground`] as threads of a real process, on real time.
+//!
+//! It decides nothing: what is safe, planned or measured is said by the actors. `bus.rs` is the only file that names
+//! zenoh. Everything here is the imperative shell, so clocks, threads, files and sockets are allowed.
+
+#![allow(clippy::disallowed_methods, reason = "the shell reads clocks, starts threads and waits")]

@@ -1,0 +1,5 @@
+//! What must outlive a process: the ground station's store, a vehicle's outbox on disk, and flight recordings.
+//!
+//! Nothing here decides; it writes what it is handed, and gives it back after a restart.
+
+#![allow(clippy::disallowed_methods, reason = "the shell reads clocks and writes files")]
