@@ -4,3 +4,12 @@
 //! zenoh. Everything here is the imperative shell, so clocks, threads, files and sockets are allowed.
 
 #![allow(clippy::disallowed_methods, reason = "the shell reads clocks, starts threads and waits")]
+
+pub mod allowance;
+pub mod bus;
+pub mod clock;
+pub mod desk;
+pub mod egress;
+pub mod joining;
+pub mod restarts;
+pub mod subjects;
