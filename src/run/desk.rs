@@ -158,8 +158,17 @@ pub struct Office {
     pub clock: Clock,
     /// What is wrong.
     pub troubles: Troubles,
-    /// Who cannot go on, so that the process ends.
-    pub faults: Sender<Fault>,
+    /// Why the process is to end.
+    pub endings: Sender<Ending>,
+}
+
+/// Why a process ends.
+#[derive(Clone, PartialEq, Eq, Debug)]
+pub enum Ending {
+    /// An actor cannot go on.
+    Fault(Fault),
+    /// It may not take part in the bus.
+    Refused(String),
 }
 
 /// Seats an actor at a desk, on a thread of its own. `make` gives a fresh actor at the start and after a fault;
@@ -210,7 +219,7 @@ where
             office.troubles.raise(desk.name, format!("stays down: {}", fault.reason));
             if post == Post::Vital {
                 // Nobody listens any more only when the process is ending already.
-                let _ = office.faults.send(fault);
+                let _ = office.endings.send(Ending::Fault(fault));
             }
             return;
         };
@@ -294,10 +303,10 @@ mod tests {
     fn seated(
         post: Post,
         wakes: u32,
-    ) -> (Desk<Told>, Receiver<u32>, Receiver<Fault>, Troubles, JoinHandle<()>) {
-        let (faults, failed) = channel();
+    ) -> (Desk<Told>, Receiver<u32>, Receiver<Ending>, Troubles, JoinHandle<()>) {
+        let (endings, failed) = channel();
         let (said, heard) = channel();
-        let office = Office { clock: Clock::start(), troubles: Troubles::default(), faults };
+        let office = Office { clock: Clock::start(), troubles: Troubles::default(), endings };
         let desk = Desk::new("echo");
         let make = move || Echo { wakes, next: Time::ZERO };
         let say = move |out| said.send(out).unwrap_or_default();
@@ -335,7 +344,8 @@ mod tests {
     fn a_vital_actor_that_fails_ends_the_process() {
         let (desk, _, failed, _, thread) = seated(Post::Vital, 0);
         desk.tell(Told(7));
-        assert_eq!(failed.recv_timeout(SOON).unwrap().reason, "seven");
+        let Ok(Ending::Fault(fault)) = failed.recv_timeout(SOON) else { panic!("no fault") };
+        assert_eq!(fault.reason, "seven");
         thread.join().unwrap();
     }
 }

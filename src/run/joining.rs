@@ -83,6 +83,15 @@ impl Joining {
         })
     }
 
+    /// Gives an answer to whoever does not fit, if one is due now; never ends the asking.
+    pub fn greet_if_due(&mut self, now: Time) -> Option<Hello> {
+        let is_due = self.own.is_member && self.greeted.is_none();
+        is_due.then(|| {
+            self.greeted = Some(now);
+            self.own.clone()
+        })
+    }
+
     /// Gives when to greet next.
     pub fn next(&self) -> Time {
         let every = if self.own.is_member { EVERY } else { EVERY_ASKING };
