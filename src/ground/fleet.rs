@@ -2,12 +2,13 @@
 
 use std::collections::BTreeMap;
 
+use serde::{Deserialize, Serialize};
 use tomoswarm_proto::{Lease, Order, OrderKind, Progress, Revision, RunId, State, VehicleId};
 
 use crate::time::Time;
 
 /// One vehicle as the ground sees it.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub struct Member {
     /// Its newest state, and when it came.
     pub state: Option<(Time, State)>,
@@ -18,7 +19,7 @@ pub struct Member {
 }
 
 /// All vehicles that the ground expects.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Fleet {
     members: BTreeMap<VehicleId, Member>,
     lease: Lease,

@@ -7,6 +7,7 @@
 
 use std::time::Duration;
 
+use serde::{Deserialize, Serialize};
 use tomoswarm_proto::RunId;
 
 use crate::actor::{Actor, Class, Fault, Input};
@@ -14,7 +15,7 @@ use crate::time::{Deadline, Time};
 use crate::tomo::{Imager as Solver, Link, Reconstruction, Settings, TomoError};
 
 /// What is to be seen in a picture.
-#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Debug)]
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Debug, Serialize, Deserialize)]
 pub enum Subject {
     /// What changed since the empty sweep.
     Change,
@@ -23,7 +24,7 @@ pub enum Subject {
 }
 
 /// A picture to be made.
-#[derive(Clone, PartialEq, Debug)]
+#[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
 pub struct Job {
     /// Of which run.
     pub run: RunId,
@@ -38,7 +39,7 @@ pub struct Job {
 }
 
 /// A picture that was made.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Picture {
     /// Of which run.
     pub run: RunId,
@@ -51,7 +52,7 @@ pub struct Picture {
 }
 
 /// The imager actor.
-#[derive(Debug)]
+#[derive(Debug, Serialize, Deserialize)]
 pub struct Imager {
     change: Solver,
     structure: Solver,

@@ -7,6 +7,7 @@
 
 use std::time::Duration;
 
+use serde::{Deserialize, Serialize};
 use tomoswarm_proto::{Plan, Revision, RunId, StopId, VehicleId};
 
 use crate::actor::{Actor, Class, Fault, Input};
@@ -15,7 +16,7 @@ use crate::sweep::{self, FanRequest, GapRequest, Ring, Sweep, SweepError};
 use crate::time::{Deadline, Time};
 
 /// Which planner, and its parameters.
-#[derive(Clone, Copy, PartialEq, Debug)]
+#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
 pub enum Method {
     /// Laps at a constant gap; how many of them.
     RotatingGap {
@@ -34,7 +35,7 @@ pub enum Method {
 }
 
 /// A sweep to be planned.
-#[derive(Clone, PartialEq, Debug)]
+#[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
 pub struct Request {
     /// Of which run.
     pub run: RunId,
@@ -47,7 +48,7 @@ pub struct Request {
 }
 
 /// Plans, or why there are none.
-#[derive(Clone, PartialEq, Debug)]
+#[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
 pub struct Answer {
     /// Of which run.
     pub run: RunId,
@@ -58,7 +59,7 @@ pub struct Answer {
 }
 
 /// The planner actor.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Planner {
     ring: Ring,
     method: Method,

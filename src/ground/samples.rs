@@ -2,6 +2,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
+use serde::{Deserialize, Serialize};
 use tomoswarm_proto::{Boot, Have, HeardFrom, RunId, Sample, Samples, VehicleId};
 
 use crate::geom::Point;
@@ -10,7 +11,7 @@ use crate::tomo::{Link, LinkBins};
 type Source = (VehicleId, Boot, RunId);
 
 /// What has been received of one source.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
 struct Received {
     /// Every sequence below is stored.
     below: u64,
@@ -32,7 +33,7 @@ impl Received {
 }
 
 /// All samples of all runs, binned into links.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct SampleStore {
     store: u64,
     bin_m: f64,

@@ -21,6 +21,7 @@ mod phases;
 
 use std::time::Duration;
 
+use serde::{Deserialize, Serialize};
 use tomoswarm_proto::{
     LayerId, Lease, Message, OrderKind, RunId, Samples, StopId, TileAddress, TileReport, VehicleId, Want,
 };
@@ -43,7 +44,7 @@ const WANTS: usize = 64;
 const REPAIR_TILES: usize = 16;
 
 /// What an operator wants.
-#[derive(Clone, PartialEq, Debug)]
+#[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
 pub enum Wish {
     /// Sweep the area.
     Sweep {
@@ -57,7 +58,7 @@ pub enum Wish {
 }
 
 /// What the station can be told.
-#[derive(Clone, PartialEq, Debug)]
+#[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
 pub enum In {
     /// A message of a vehicle.
     Bus(Message),
@@ -68,7 +69,7 @@ pub enum In {
 }
 
 /// What the station can say.
-#[derive(Clone, PartialEq, Debug)]
+#[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
 pub enum Out {
     /// To the vehicles.
     Publish(Message),
@@ -81,7 +82,7 @@ pub enum Out {
 }
 
 /// What happened, for log and operator.
-#[derive(Clone, PartialEq, Debug)]
+#[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
 pub enum Note {
     /// Plans were made.
     Planned {
@@ -137,7 +138,7 @@ pub struct StationSettings {
     pub spot_m: f64,
 }
 
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 enum Phase {
     Idle,
     Planning(Sweep),
@@ -153,7 +154,7 @@ enum Phase {
 /// Per lap still to be driven, the last stop of each vehicle.
 type Laps = Vec<Vec<(VehicleId, StopId)>>;
 
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 struct Sweep {
     run: RunId,
     empty: Option<RunId>,
@@ -163,7 +164,7 @@ struct Sweep {
 }
 
 /// The station actor.
-#[derive(Debug)]
+#[derive(Debug, Serialize, Deserialize)]
 pub struct Station {
     fleet: Fleet,
     map: Merged,

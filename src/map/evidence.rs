@@ -13,6 +13,7 @@
 
 use std::f64::consts::FRAC_PI_2;
 
+use serde::{Deserialize, Serialize};
 use tomoswarm_proto::{LayerId, TILE_SIDE, TileAddress};
 
 use super::tile::{LAYER_CLAMP, index_in_tile, origin_of};
@@ -91,12 +92,15 @@ impl Changes {
 }
 
 /// Writes readings to the own layer of a map. Keeps nothing but scratch memory from one to the next.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Mapper {
     own: LayerId,
     slice: i16,
+    #[serde(skip)]
     marks: Vec<Mark>,
+    #[serde(skip)]
     arc: Vec<ArcCell>,
+    #[serde(skip)]
     writes: Vec<(usize, i8, i8)>,
 }
 

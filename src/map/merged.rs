@@ -6,9 +6,11 @@
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
+use serde::{Deserialize, Serialize};
 use thiserror::Error;
 use tomoswarm_proto::{Digest, LayerId, TILE_CELLS, TileAddress, TileReport, Want};
 
+use super::kept::Kept;
 use super::tile::{MERGED_CLAMP, Occupancy, Tile, TileError, address_of, index_in_tile, origin_of};
 use super::window::{CellRect, Sums, View};
 use super::{Layer, OCCUPIED_FROM};
@@ -46,7 +48,8 @@ pub enum Refused {
 }
 
 /// The map of one node: all layers, and the sum over them.
-#[derive(Clone, PartialEq, Debug)]
+#[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
+#[serde(try_from = "Kept", into = "Kept")]
 pub struct Merged {
     lattice: Lattice,
     own: Option<LayerId>,
@@ -104,10 +107,17 @@ impl Merged {
         if (new_layer && self.layers.len() >= MAX_LAYERS) || (old.is_none() && self.tiles >= MAX_TILES) {
             return Err(Refused::Full);
         }
-        self.tiles += usize::from(old.is_none());
-        let newly_occupied = self.add_difference(report.address, old.as_deref(), &tile);
-        self.layers.entry(report.layer).or_default().put(report.address, Arc::new(tile));
+        let newly_occupied = self.put(report.layer, report.address, Arc::new(tile));
         Ok(Joined::Newer { newly_occupied })
+    }
+
+    /// Puts a tile in place of what was there; tells whether a merged cell became occupied.
+    pub(super) fn put(&mut self, layer: LayerId, address: TileAddress, tile: Arc<Tile>) -> bool {
+        let old = self.layers.get(&layer).and_then(|layer| layer.tile(address)).cloned();
+        self.tiles += usize::from(old.is_none());
+        let newly_occupied = self.add_difference(address, old.as_deref(), &tile);
+        self.layers.entry(layer).or_default().put(address, tile);
+        newly_occupied
     }
 
     fn add_difference(&mut self, address: TileAddress, old: Option<&Tile>, new: &Tile) -> bool {

@@ -5,6 +5,7 @@
 //! Nothing here knows a bus, a clock or a route; who sends which tile when is the map actor's business.
 
 mod evidence;
+mod kept;
 mod layer;
 mod merged;
 mod tile;

@@ -10,6 +10,7 @@
 use std::collections::BTreeSet;
 use std::time::Duration;
 
+use serde::{Deserialize, Serialize};
 use tomoswarm_proto::{Digest, LayerId, Message, State, TileAddress, TileReport, VehicleId, Want};
 
 use super::Settings;
@@ -30,7 +31,7 @@ const WANTS: usize = 16;
 const REPAIR_TILES: usize = 8;
 
 /// What the map actor can be told.
-#[derive(Clone, PartialEq, Debug)]
+#[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
 pub enum In {
     /// A range reading.
     Scan(Scan),
@@ -45,7 +46,7 @@ pub enum In {
 }
 
 /// What the map actor can say.
-#[derive(Clone, PartialEq, Debug)]
+#[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
 pub enum Out {
     /// Tiles that changed, own and peers'.
     Tiles(Vec<TileReport>),
@@ -54,7 +55,7 @@ pub enum Out {
 }
 
 /// The map actor.
-#[derive(Debug)]
+#[derive(Debug, Serialize, Deserialize)]
 pub struct Map {
     settings: Settings,
     own: LayerId,

@@ -10,6 +10,7 @@
 use std::collections::VecDeque;
 use std::time::Duration;
 
+use serde::{Deserialize, Serialize};
 use tomoswarm_proto::{Boot, Have, RunId, Sample, Samples, VehicleId};
 
 use crate::actor::{Actor, Class, Fault, Input};
@@ -27,7 +28,7 @@ const BATCH: usize = 128;
 const CAPACITY: usize = 200_000;
 
 /// What the outbox can be told.
-#[derive(Clone, PartialEq, Debug)]
+#[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
 pub enum In {
     /// A new sample of a run.
     Sample((RunId, Sample)),
@@ -36,14 +37,14 @@ pub enum In {
 }
 
 /// What the outbox can say.
-#[derive(Clone, PartialEq, Debug)]
+#[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
 pub enum Out {
     /// A batch for the ground.
     Publish(Samples),
 }
 
 /// The outbox actor.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Outbox {
     vehicle: VehicleId,
     boot: Boot,

@@ -3,13 +3,14 @@
 
 use std::collections::BTreeMap;
 
+use serde::{Deserialize, Serialize};
 use tomoswarm_proto::{Boot, Mode, State, VehicleId};
 
 use crate::geom::Point;
 use crate::time::Time;
 
 /// One other vehicle, by its newest state.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub(super) struct Peer {
     /// Start of its software, and which of its states this is.
     edition: (Boot, u64),
@@ -26,7 +27,7 @@ pub(super) struct Peer {
 }
 
 /// All other vehicles heard so far.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub(super) struct Peers {
     own: VehicleId,
     newest: BTreeMap<VehicleId, Peer>,

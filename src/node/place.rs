@@ -2,6 +2,7 @@
 
 use std::time::Duration;
 
+use serde::{Deserialize, Serialize};
 use tomoswarm_proto::State;
 
 use crate::geom::{Pose, Vector};
@@ -11,7 +12,7 @@ use crate::time::Time;
 const POSE_AGE_MAX: Duration = Duration::from_millis(500);
 
 /// The last known place of the own vehicle.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 pub(super) struct Place {
     pose_sd_max_m: f64,
     last: Option<(Time, Pose, f64)>,

@@ -18,6 +18,7 @@
 use std::collections::BTreeMap;
 use std::time::Duration;
 
+use serde::{Deserialize, Serialize};
 use tomoswarm_proto::{Beacon, Boot, PoseReport, Progress, RunId, Sample, State, VehicleId};
 
 use super::Settings;
@@ -35,7 +36,7 @@ const JOIN_UNTIL: f64 = 0.85;
 const MISSES_MAX: u64 = 200;
 
 /// A beacon that came in.
-#[derive(Clone, PartialEq, Debug)]
+#[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
 pub struct Heard {
     /// What it said.
     pub beacon: Beacon,
@@ -44,7 +45,7 @@ pub struct Heard {
 }
 
 /// What the radio actor can be told.
-#[derive(Clone, PartialEq, Debug)]
+#[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
 pub enum In {
     /// A beacon came in.
     Heard(Heard),
@@ -57,7 +58,7 @@ pub enum In {
 }
 
 /// What the radio actor can say.
-#[derive(Clone, PartialEq, Debug)]
+#[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
 pub enum Out {
     /// Send this.
     Transmit(Beacon),
@@ -68,7 +69,7 @@ pub enum Out {
 }
 
 /// The radio actor.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Radio {
     settings: Settings,
     place: Place,
@@ -86,7 +87,7 @@ pub struct Radio {
 }
 
 /// The last beacon of a peer.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 struct Last {
     boot: Boot,
     sequence: u64,

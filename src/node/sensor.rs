@@ -13,6 +13,7 @@
 
 use std::time::Duration;
 
+use serde::{Deserialize, Serialize};
 use tomoswarm_proto::State;
 
 use super::LookSettings;
@@ -25,14 +26,14 @@ use crate::time::{Deadline, Time};
 const JUMP_M: f64 = 1.0;
 
 /// Asks the range sensor for an echo.
-#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize)]
 pub struct Ping {
     /// Counts the pings of this boot.
     pub number: u64,
 }
 
 /// The range driver's answer.
-#[derive(Clone, Copy, PartialEq, Debug)]
+#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
 pub struct Echo {
     /// Which ping it answers.
     pub number: u64,
@@ -41,7 +42,7 @@ pub struct Echo {
 }
 
 /// A reading with its pose.
-#[derive(Clone, PartialEq, Debug)]
+#[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
 pub struct Scan {
     /// Where the vehicle was.
     pub pose: Pose,
@@ -54,7 +55,7 @@ pub struct Scan {
 }
 
 /// What the sensor actor can be told.
-#[derive(Clone, PartialEq, Debug)]
+#[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
 pub enum In {
     /// An answer of the range driver.
     Echo(Echo),
@@ -63,7 +64,7 @@ pub enum In {
 }
 
 /// What the sensor actor can say.
-#[derive(Clone, PartialEq, Debug)]
+#[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
 pub enum Out {
     /// Point the sensor, relative to the heading.
     Steer(Angle),
@@ -74,7 +75,7 @@ pub enum Out {
 }
 
 /// The sensor actor.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Sensor {
     look: LookSettings,
     place: Place,
@@ -85,7 +86,7 @@ pub struct Sensor {
     last_m: Vec<f64>,
 }
 
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 enum Phase {
     Pointing { settled: Time, next: Time },
     Listening { next: Time },

@@ -2,12 +2,13 @@
 
 use std::time::Duration;
 
+use serde::{Deserialize, Serialize};
 use tomoswarm_proto::{Boot, VehicleId};
 
 use crate::geom::{Angle, Lattice, Point, Polygon};
 
 /// Everything that the actors of one vehicle need to know.
-#[derive(Clone, PartialEq, Debug)]
+#[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
 pub struct Settings {
     /// Which vehicle this is.
     pub vehicle: VehicleId,
@@ -34,7 +35,7 @@ pub struct Settings {
 }
 
 /// Size and motion of the body.
-#[derive(Clone, Copy, PartialEq, Debug)]
+#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
 pub struct BodySettings {
     /// Radius of the disc that holds the vehicle, metres.
     pub radius_m: f64,
@@ -45,7 +46,7 @@ pub struct BodySettings {
 }
 
 /// The range sensor and how it is pointed.
-#[derive(Clone, PartialEq, Debug)]
+#[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
 pub struct LookSettings {
     /// Directions looked at in turn, relative to the heading.
     pub beams: Vec<Angle>,
@@ -64,7 +65,7 @@ pub struct LookSettings {
 }
 
 /// The radio and its place in the ring.
-#[derive(Clone, Copy, PartialEq, Debug)]
+#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
 pub struct RadioSettings {
     /// Channel number.
     pub channel: u8,
@@ -75,7 +76,7 @@ pub struct RadioSettings {
 }
 
 /// Distances that are kept.
-#[derive(Clone, Copy, PartialEq, Debug)]
+#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
 pub struct SafetySettings {
     /// Free space kept around the body, metres.
     pub padding_m: f64,

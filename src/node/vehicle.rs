@@ -23,6 +23,7 @@ mod words;
 use std::collections::VecDeque;
 use std::time::Duration;
 
+use serde::{Deserialize, Serialize};
 use tomoswarm_proto::{LegReport, Mode, Order, OrderKind, Ordered, Revision, RunId, State, VehicleId};
 
 use super::Settings;
@@ -53,7 +54,7 @@ const ORDER_AGE: Duration = Duration::from_secs(15);
 const REST_GRACE: Duration = Duration::from_millis(300);
 
 /// What the vehicle actor can be told.
-#[derive(Clone, PartialEq, Debug)]
+#[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
 pub enum In {
     /// Pose and motion.
     Telemetry(Telemetry),
@@ -70,7 +71,7 @@ pub enum In {
 }
 
 /// What the vehicle actor can say.
-#[derive(Clone, PartialEq, Debug)]
+#[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
 pub enum Out {
     /// To the autopilot.
     Fly(Fly),
@@ -85,7 +86,7 @@ pub enum Out {
 }
 
 /// The vehicle actor.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Vehicle {
     settings: Settings,
     telemetry: Option<(Time, Telemetry)>,
@@ -105,7 +106,7 @@ pub struct Vehicle {
     silent_reported: bool,
 }
 
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 struct Leg {
     since: Time,
     corners: VecDeque<Point>,

@@ -8,6 +8,7 @@
 //! ```
 
 mod journal;
+mod recorded;
 #[cfg(test)]
 mod rig;
 mod scripted;
@@ -17,6 +18,7 @@ use std::time::Duration;
 
 use tomoswarm_proto::{Beacon, Message, VehicleId};
 
+pub(super) use self::recorded::Recording;
 use super::air::{Air, Fate};
 use super::bus::{Bus, NodeId, deliver, receivers};
 use super::noise::{Noise, Purpose};
@@ -150,7 +152,15 @@ impl Kernel {
     }
 
     /// Runs to the end, or until `watch` (asked once a virtual second) says that it is enough.
-    pub fn run(&mut self, watch: &mut dyn FnMut(&Status) -> bool) -> Result<(), Fault> {
+    pub fn run(
+        &mut self,
+        watch: &mut dyn FnMut(&Status) -> bool,
+        mut recording: Option<Recording<'_>>,
+    ) -> Result<(), Fault> {
+        if let Some(recording) = &mut recording {
+            self.watch_actors();
+            self.hand_out(recording)?;
+        }
         while let Some((at, event)) = self.queue.pop() {
             if at > self.until {
                 break;
@@ -159,7 +169,11 @@ impl Kernel {
             self.now = at;
             self.record.counts.events += 1;
             let is_track = matches!(event, Event::Track);
-            self.happen(event)?;
+            let happened = self.happen(event);
+            if let Some(recording) = &mut recording {
+                self.hand_out(recording)?;
+            }
+            happened?;
             if is_track {
                 self.status.now = self.now;
                 if !watch(&self.status) {

@@ -4,6 +4,7 @@ mod air;
 pub mod body;
 pub mod bus;
 pub mod contact;
+mod entry;
 mod kernel;
 pub mod log;
 mod motion;
@@ -16,6 +17,7 @@ mod scenario;
 mod script;
 mod world;
 
+pub use entry::Entry;
 pub use kernel::Status;
 pub use outcome::{Counts, Found, Outcome};
 pub use scenario::{RunError, Scenario, ScenarioError};

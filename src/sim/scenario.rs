@@ -6,7 +6,8 @@ use tomoswarm_proto::{Boot, Lease, VehicleId};
 
 use super::body::Limits;
 use super::bus::{Bus, BusModel};
-use super::kernel::{Kernel, Parts, Status};
+use super::entry::Entry;
+use super::kernel::{Kernel, Parts, Recording, Status};
 use super::noise::{Noise, Purpose};
 use super::outcome::Outcome;
 use super::radio_field::{RadioConstants, RadioField};
@@ -181,7 +182,23 @@ impl Scenario {
     /// The scenario is impossible, or an actor cannot go on.
     pub fn run(&self, watch: &mut dyn FnMut(&Status) -> bool) -> Result<Outcome, RunError> {
         let mut kernel = Kernel::new(self.parts()?);
-        kernel.run(watch)?;
+        kernel.run(watch, None)?;
+        Ok(self.outcome(kernel)?)
+    }
+
+    /// Runs the scenario as [`Scenario::run`] does, and hands every step of every actor to `record`; a segment with
+    /// snapshots comes first, and again every `segment` of virtual time.
+    ///
+    /// # Errors
+    /// As for [`Scenario::run`].
+    pub fn run_recorded(
+        &self,
+        watch: &mut dyn FnMut(&Status) -> bool,
+        segment: Duration,
+        record: &mut dyn FnMut(Entry),
+    ) -> Result<Outcome, RunError> {
+        let mut kernel = Kernel::new(self.parts()?);
+        kernel.run(watch, Some(Recording::to(record, segment)))?;
         Ok(self.outcome(kernel)?)
     }
 

@@ -1,9 +1,10 @@
 //! What can be wrong with plans, and with the wish for a sweep.
 
+use serde::{Deserialize, Serialize};
 use tomoswarm_proto::{Revision, RunId, StopId, VehicleId};
 
 /// Why a set of plans cannot be driven.
-#[derive(Clone, PartialEq, Debug, thiserror::Error)]
+#[derive(Clone, PartialEq, Debug, thiserror::Error, Serialize, Deserialize)]
 pub enum PlanError {
     /// There is no plan at all.
     #[error("no plans")]

@@ -37,6 +37,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::time::Duration;
 
+use serde::{Deserialize, Serialize};
 use tomoswarm_proto::{Plan, Progress, Revision, RunId, Stop, StopId, VehicleId};
 
 use super::{FollowError, Refusal, Verdict, WaitsFor, validate};
@@ -51,27 +52,27 @@ fn edition_of(plan: &Plan) -> Edition {
 }
 
 /// What is known of a peer, whatever it follows.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 struct Peer {
     newest: Edition,
     at_rest: bool,
 }
 
 /// What is known of a member in the revision followed; only ever grows.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
 struct Member {
     order: BTreeMap<StopId, usize>,
     adopted: bool,
     done: usize,
 }
 
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 struct Dwell {
     since: Time,
     missing: BTreeSet<VehicleId>,
 }
 
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 struct Adopted {
     plans: Vec<Plan>,
     own: usize,
@@ -82,7 +83,7 @@ struct Adopted {
 }
 
 /// Follows the newest revision of plans; see the module's page for the rules.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Follower {
     vehicle: VehicleId,
     tolerance_m: f64,

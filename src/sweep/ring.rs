@@ -3,6 +3,8 @@
 //! Positions are numbered counter-clockwise from the south-west corner; an index may be any number,
 //! it is taken modulo the count. Whether a vehicle can really stand at a position is not known here.
 
+use serde::{Deserialize, Serialize};
+
 use super::SweepError;
 use crate::geom::{Point, Rect};
 
@@ -25,7 +27,7 @@ pub enum Side {
 }
 
 /// Evenly spaced positions along the border of an area, counter-clockwise from the south-west corner.
-#[derive(Clone, PartialEq, Debug)]
+#[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
 pub struct Ring {
     area: Rect,
     positions: usize,

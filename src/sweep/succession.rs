@@ -13,12 +13,13 @@
 
 use std::collections::BTreeSet;
 
+use serde::{Deserialize, Serialize};
 use tomoswarm_proto::{Plan, Progress, Revision, RunId, VehicleId};
 
 use super::{PlanError, validate};
 
 /// How far the current revision is.
-#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize)]
 pub enum Phase {
     /// No revision was published; the vehicles are taken to be at rest.
     Resting,
@@ -31,7 +32,7 @@ pub enum Phase {
 }
 
 /// Numbers the revisions of a run and remembers the plans to repeat.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Succession {
     run: RunId,
     members: Vec<VehicleId>,

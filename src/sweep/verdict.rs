@@ -2,12 +2,13 @@
 
 use std::fmt;
 
+use serde::{Deserialize, Serialize};
 use tomoswarm_proto::{Revision, StopId, VehicleId};
 
 use super::PlanError;
 
 /// Why a complete newer revision was not adopted; the vehicle rests until a newer one fits.
-#[derive(Clone, PartialEq, Debug, thiserror::Error)]
+#[derive(Clone, PartialEq, Debug, thiserror::Error, Serialize, Deserialize)]
 pub enum Refusal {
     /// The plans are not valid together.
     #[error("the plans of revision {revision} are not valid: {error}")]

@@ -4,6 +4,8 @@
 
 use std::collections::BTreeMap;
 
+use serde::{Deserialize, Serialize};
+
 use crate::geom::Point;
 
 use super::Link;
@@ -16,7 +18,7 @@ pub const SPOT_M: f64 = 0.0625;
 const MOST_SPOTS: usize = 64;
 
 /// A bin pair: two packed square indices, the smaller one first.
-#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Debug)]
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Debug, Serialize, Deserialize)]
 pub(super) struct BinKey(u64, u64);
 
 impl BinKey {
@@ -53,7 +55,7 @@ fn shifted(square: u64, by: (i32, i32)) -> u64 {
 }
 
 /// Running sums of one bin pair.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
 struct Bin {
     records: u32,
     packets: u32,
@@ -67,7 +69,7 @@ struct Bin {
 }
 
 /// All that was heard between bins.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct LinkBins {
     bin_m: f64,
     spot_m: f64,

@@ -4,6 +4,8 @@
 
 use std::collections::BTreeMap;
 
+use serde::{Deserialize, Serialize};
+
 use crate::geom::{Point, Rect};
 
 use super::Link;
@@ -12,7 +14,7 @@ use super::path_loss::{ExponentPrior, PathLoss, spread_db};
 use super::settings::{NoiseModel, Settings};
 
 /// Why a link is not in the image.
-#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Debug)]
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Debug, Serialize, Deserialize)]
 pub enum DropReason {
     /// Shorter than the shortest link that is imaged.
     TooShort,

@@ -1,9 +1,11 @@
 //! A reconstructed image.
 
+use serde::{Deserialize, Serialize};
+
 use crate::geom::PixelGrid;
 
 /// Values on the pixels of a grid: row-major, rows from south to north, columns from west to east.
-#[derive(Clone, PartialEq, Debug)]
+#[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
 pub struct Image {
     /// Where the pixels lie.
     pub grid: PixelGrid,

@@ -4,6 +4,8 @@
 
 use std::collections::BTreeMap;
 
+use serde::{Deserialize, Serialize};
+
 use crate::geom::{Point, Segment};
 
 use super::bins::BinKey;
@@ -52,7 +54,7 @@ const SOLID_SD: f64 = 1.5;
 pub const MOST_PIXELS: usize = 1 << 20;
 
 /// An image and how it came about.
-#[derive(Clone, PartialEq, Debug)]
+#[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
 pub struct Reconstruction {
     /// The image, dB/m.
     pub image: Image,
@@ -83,7 +85,8 @@ pub fn reconstruct(
 }
 
 /// Reconstructs again and again while links are added; each time starts from the last solution.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
+#[serde(try_from = "Kept", into = "Kept")]
 pub struct Imager {
     settings: Settings,
     covariance: Covariance,
@@ -93,11 +96,33 @@ pub struct Imager {
 }
 
 /// What stood there in the empty sweep, and how much room it leaves for a change.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 struct Standing {
     empty: Vec<Link>,
     /// Per pixel, the factor on the standard deviation of a change: 1 = free, near 0 = solid.
     room: Vec<f64>,
+}
+
+/// What a snapshot keeps of an imager; the covariance follows from the settings.
+#[derive(Serialize, Deserialize)]
+struct Kept {
+    settings: Settings,
+    last: BTreeMap<BinKey, (f64, f64)>,
+    standing: Option<Standing>,
+}
+
+impl From<Imager> for Kept {
+    fn from(Imager { settings, covariance: _, last, standing }: Imager) -> Kept {
+        Kept { settings, last, standing }
+    }
+}
+
+impl TryFrom<Kept> for Imager {
+    type Error = TomoError;
+
+    fn try_from(Kept { settings, last, standing }: Kept) -> Result<Imager, TomoError> {
+        Ok(Imager { last, standing, ..Imager::new(settings)? })
+    }
 }
 
 impl Imager {

@@ -2,10 +2,12 @@
 //!
 //! A link is direction-free: packets of both directions are pooled before (reciprocity holds within 0.9 dB).
 
+use serde::{Deserialize, Serialize};
+
 use crate::geom::{Point, Segment};
 
 /// The pooled measurements between two places (one bin at each end, or two fixed positions).
-#[derive(Clone, Copy, PartialEq, Debug)]
+#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
 pub struct Link {
     /// Mean place of the first end, metres (or the units of the input).
     pub from: Point,

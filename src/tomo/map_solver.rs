@@ -4,6 +4,8 @@
 //! FFT, so no matrix is formed. Student-t noise by iterative reweighting, w = (ν+1) / (ν + r²/s²). Non-negativity is not
 //! imposed here.
 
+use serde::{Deserialize, Serialize};
+
 use super::prior::{Covariance, Workspace};
 use super::weights::WeightRows;
 
@@ -17,7 +19,7 @@ pub struct Nuisance {
 }
 
 /// When the iterations end.
-#[derive(Clone, Copy, PartialEq, Debug)]
+#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
 pub struct MapSettings {
     /// Degrees of freedom ν of the Student-t noise; `None` for Gaussian noise.
     pub student_degrees: Option<f64>,

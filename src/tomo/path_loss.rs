@@ -1,9 +1,11 @@
 //! The strength that a link would have with nothing in between: P0 − 10 n log10 d, fitted robustly.
 
+use serde::{Deserialize, Serialize};
+
 use super::Link;
 
 /// Path loss, and how well it is known.
-#[derive(Clone, Copy, PartialEq, Debug)]
+#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
 pub struct PathLoss {
     /// P0: strength at one metre (or one unit of the input), dBm.
     pub p0_dbm: f64,
@@ -22,7 +24,7 @@ pub struct PathLoss {
 }
 
 /// What is believed of the exponent before fitting.
-#[derive(Clone, Copy, PartialEq, Debug)]
+#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
 pub struct ExponentPrior {
     /// Mean.
     pub mean: f64,

@@ -3,12 +3,14 @@
 //! Greedy with non-maximum suppression, refined by the local centroid. How many peaks are objects is the
 //! caller's decision; each peak says how far it stands out of the image's noise.
 
+use serde::{Deserialize, Serialize};
+
 use crate::geom::Point;
 
 use super::Image;
 
 /// A strong place of the image.
-#[derive(Clone, Copy, PartialEq, Debug)]
+#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
 pub struct Peak {
     /// Its centroid, metres (or the units of the input).
     pub at: Point,
@@ -19,7 +21,7 @@ pub struct Peak {
 }
 
 /// How peaks are told apart.
-#[derive(Clone, Copy, PartialEq, Debug)]
+#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
 pub struct PeakSettings {
     /// Pixels nearer than this to the area's border hold no peak, metres.
     pub rim_m: f64,

@@ -1,6 +1,8 @@
 //! What a reconstruction may be told. The defaults follow from the area alone and are the same for data in
 //! other units: a recording in lattice cells and the same recording in metres give the same picture.
 
+use serde::{Deserialize, Serialize};
+
 use crate::geom::{PixelGrid, Rect};
 
 use super::bins::BIN_M;
@@ -11,7 +13,7 @@ use super::prior::Prior;
 use super::weights::WeightModel;
 
 /// How the image is found from the links. (The place for stronger solvers: a variant here, an arm in `imager.rs`.)
-#[derive(Clone, Copy, PartialEq, Debug)]
+#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
 pub enum Solver {
     /// Maximum a posteriori with an exponential covariance.
     Map(Prior, MapSettings),
@@ -23,7 +25,7 @@ pub enum Solver {
 }
 
 /// How well links are known, dB.
-#[derive(Clone, Copy, PartialEq, Debug)]
+#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
 pub struct NoiseModel {
     /// s_t: of one packet.
     pub packet_sd_db: f64,
@@ -56,7 +58,7 @@ impl Default for NoiseModel {
 }
 
 /// Everything that a reconstruction is told besides the links.
-#[derive(Clone, Copy, PartialEq, Debug)]
+#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
 pub struct Settings {
     /// The pixels.
     pub grid: PixelGrid,

@@ -3,10 +3,12 @@
 //! Rows are kept as runs of neighbouring pixels (a sparse matrix whose inner loops run over contiguous memory).
 //! Models: line (Siddon 1985), ellipse (Wilson & Patwari 2010), inverse area (Hamilton et al. 2014). Nothing is known here of noise or of solving.
 
+use serde::{Deserialize, Serialize};
+
 use crate::geom::{PixelGrid, Point, Segment};
 
 /// The weight of a pixel by its excess path e = |from − c| + |c − to| − d.
-#[derive(Clone, Copy, PartialEq, Debug)]
+#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
 pub enum WeightModel {
     /// The length of the link inside the pixel (Siddon 1985).
     Line,

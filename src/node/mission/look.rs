@@ -3,6 +3,8 @@
 
 use std::time::Duration;
 
+use serde::{Deserialize, Serialize};
+
 use crate::geom::Angle;
 use crate::time::Time;
 
@@ -14,7 +16,7 @@ const REACHED_RAD: f64 = 0.1;
 const TURN_MAX: Duration = Duration::from_secs(12);
 
 /// One look around.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 pub struct Look {
     toward: Angle,
     turn: usize,

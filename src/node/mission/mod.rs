@@ -22,6 +22,7 @@ mod way;
 
 use std::time::Duration;
 
+use serde::{Deserialize, Serialize};
 use tomoswarm_proto::{
     LayerId, Order, OrderKind, Plan, Progress, Revision, RunId, State, StopId, TileAddress, TileReport,
     VehicleId,
@@ -48,7 +49,7 @@ const FAILURES_MAX: u32 = 3;
 const START_TOLERANCE_M: f64 = 0.5;
 
 /// What the mission actor can be told.
-#[derive(Clone, PartialEq, Debug)]
+#[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
 pub enum In {
     /// Where the vehicle is.
     State(State),
@@ -67,7 +68,7 @@ pub enum In {
 }
 
 /// What the mission actor can say.
-#[derive(Clone, PartialEq, Debug)]
+#[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
 pub enum Out {
     /// To the vehicle.
     Command(Command),
@@ -82,7 +83,7 @@ pub enum Out {
 }
 
 /// What the mission did or met.
-#[derive(Clone, PartialEq, Debug)]
+#[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
 pub enum Remark {
     /// A stop was done.
     Done(StopId),
@@ -109,7 +110,7 @@ pub enum Remark {
 }
 
 /// What the operator wants of this vehicle.
-#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize)]
 enum Wanted {
     Waiting,
     Following,
@@ -122,7 +123,7 @@ enum Wanted {
 }
 
 /// The mission actor.
-#[derive(Debug)]
+#[derive(Debug, Serialize, Deserialize)]
 pub struct Mission {
     settings: Settings,
     state: Option<State>,

@@ -13,6 +13,7 @@ mod search;
 use std::collections::VecDeque;
 use std::time::Duration;
 
+use serde::{Deserialize, Serialize};
 use tomoswarm_proto::{Mode, State, StopId, TileReport};
 
 use super::super::Settings;
@@ -67,7 +68,7 @@ pub enum Met {
     NoPath(u32),
 }
 
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 enum Doing {
     Driving,
     Looking(Look),
@@ -82,7 +83,7 @@ enum Doing {
 }
 
 /// Drives along a way.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Pilot {
     settings: Settings,
     map: Merged,

@@ -3,6 +3,7 @@
 
 use std::collections::VecDeque;
 
+use serde::{Deserialize, Serialize};
 use tomoswarm_proto::StopId;
 
 use crate::geom::{Point, Segment};
@@ -13,7 +14,7 @@ const PASSED_M: f64 = 0.12;
 const BESIDE_M: f64 = 0.6;
 
 /// A corner of the way.
-#[derive(Clone, PartialEq, Debug)]
+#[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
 pub struct Corner {
     /// Where it is.
     pub at: Point,
@@ -22,7 +23,7 @@ pub struct Corner {
 }
 
 /// The way ahead.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub struct Way {
     /// The corner passed last: where the present piece begins.
     behind: Point,

@@ -1,12 +1,13 @@
 //! What the vehicle actor hears of its autopilot and its mission, and what it answers: words only, no decisions.
 
+use serde::{Deserialize, Serialize};
 use tomoswarm_proto::{StopId, VehicleId};
 
 use crate::geom::{Angle, Point, Pose, Segment};
 use crate::time::Time;
 
 /// What the autopilot driver reports.
-#[derive(Clone, Copy, PartialEq, Debug)]
+#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
 pub struct Telemetry {
     /// Where the autopilot believes to be.
     pub pose: Pose,
@@ -19,7 +20,7 @@ pub struct Telemetry {
 }
 
 /// Whether and how a body moves.
-#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize)]
 pub enum Motion {
     /// Standing.
     Resting,
@@ -30,7 +31,7 @@ pub enum Motion {
 }
 
 /// What the mission wants done.
-#[derive(Clone, PartialEq, Debug)]
+#[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
 pub enum Command {
     /// Drive along a route to its end; a later one replaces it at once.
     Drive {
@@ -46,7 +47,7 @@ pub enum Command {
 }
 
 /// What the autopilot shall do.
-#[derive(Clone, PartialEq, Debug)]
+#[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
 pub enum Fly {
     /// Drive through the corners and stop at the last.
     Drive {
@@ -62,7 +63,7 @@ pub enum Fly {
 }
 
 /// What the envelope or the reflex decided.
-#[derive(Clone, PartialEq, Debug)]
+#[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
 pub enum Remark {
     /// The reflex stopped the vehicle: something is this near ahead, metres.
     Halted {
@@ -78,7 +79,7 @@ pub enum Remark {
 }
 
 /// Something that made the reflex halt: an echo from somewhere in the beam's cone.
-#[derive(Clone, Copy, PartialEq, Debug)]
+#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
 pub struct Bump {
     /// Where the echo came from, on the beam's axis.
     pub at: Point,
@@ -96,7 +97,7 @@ impl Bump {
 }
 
 /// Why a command was not obeyed.
-#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize)]
 pub enum Refusal {
     /// No telemetry yet, or too old.
     NoPose,

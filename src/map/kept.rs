@@ -1,0 +1,89 @@
+//! A map as a snapshot keeps it: its tiles. Sums and digests are counted anew when it is read, so what is kept can
+//! never contradict itself.
+
+use std::sync::Arc;
+
+use serde::{Deserialize, Serialize};
+use tomoswarm_proto::{LayerId, TileReport};
+
+use super::{Merged, Tile, TileError};
+use crate::geom::Lattice;
+
+/// What is kept of a [`Merged`].
+#[derive(Serialize, Deserialize)]
+pub(super) struct Kept {
+    lattice: Lattice,
+    own: Option<LayerId>,
+    tiles: Vec<TileReport>,
+}
+
+impl From<Merged> for Kept {
+    fn from(map: Merged) -> Kept {
+        let tiles = map
+            .layers()
+            .flat_map(|(id, layer)| layer.tiles().map(move |(address, tile)| tile.report(id, address)));
+        Kept { lattice: map.lattice(), own: map.own(), tiles: tiles.collect() }
+    }
+}
+
+impl TryFrom<Kept> for Merged {
+    type Error = TileError;
+
+    fn try_from(kept: Kept) -> Result<Merged, TileError> {
+        let mut map = Merged::new(kept.lattice, kept.own);
+        for report in &kept.tiles {
+            map.put(report.layer, report.address, Arc::new(Tile::from_report(report)?));
+        }
+        Ok(map)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::Mapper;
+    use super::*;
+    use crate::geom::{Angle, Point};
+    use crate::map::{Body, ScanReading};
+    use tomoswarm_proto::{Boot, TILE_CELLS, TileAddress, VehicleId, codec};
+
+    fn layer(vehicle: u8) -> LayerId {
+        LayerId { vehicle: VehicleId(vehicle), boot: Boot(1) }
+    }
+
+    fn scanned(map: &mut Merged, mapper: &mut Mapper, degrees: f64) {
+        let reading = ScanReading {
+            origin: Point::new(1.0, 1.0),
+            direction: Angle::from_degrees(degrees),
+            half_width_rad: 0.2,
+            range_m: Some(2.5),
+            max_range_m: 4.0,
+            sure_range_m: 2.0,
+            min_range_m: 0.0,
+        };
+        mapper.record(map, &reading, Body { at: reading.origin, radius_m: 0.2 }, &[]);
+    }
+
+    #[test]
+    fn a_map_read_back_is_the_map_and_goes_on_alike() {
+        let mut map = Merged::new(Lattice::new(0.2), Some(layer(1)));
+        let mut mapper = Mapper::new(layer(1), 0);
+        (0..12).for_each(|turn| scanned(&mut map, &mut mapper, 30.0 * f64::from(turn)));
+        let address = TileAddress { slice: 0, x: 0, y: -1 };
+        map.join(&TileReport { layer: layer(2), address, revision: 0, cells: vec![-9; TILE_CELLS] }).unwrap();
+        let mut read: Merged = codec::unpack(&codec::pack(&map).unwrap()).unwrap();
+        assert_eq!(read, map);
+        let mut mapper_read: Mapper = codec::unpack(&codec::pack(&mapper).unwrap()).unwrap();
+        scanned(&mut map, &mut mapper, 45.0);
+        scanned(&mut read, &mut mapper_read, 45.0);
+        assert_eq!(read, map);
+    }
+
+    #[test]
+    fn a_tile_of_too_few_cells_is_refused() {
+        let address = TileAddress::default();
+        let tiles = vec![TileReport { layer: layer(2), address, revision: 1, cells: vec![1; 7] }];
+        let bytes = codec::pack(&Kept { lattice: Lattice::new(0.2), own: None, tiles }).unwrap();
+        let error = codec::unpack::<Merged>(&bytes).unwrap_err();
+        assert!(error.to_string().contains("1024 cells"), "{error}");
+    }
+}
