@@ -3,7 +3,7 @@
 //! This is how the simulator runs a vehicle. A live node may run the same actors on several
 //! threads: only [`super::route`] says what goes where, in both.
 
-use tomoswarm_proto::{RunId, VehicleId};
+use tomoswarm_proto::{Boot, RunId, VehicleId};
 
 use super::Settings;
 use super::map::Map;
@@ -21,6 +21,7 @@ use crate::time::{Deadline, Time};
 #[derive(Debug)]
 pub struct VehicleNode {
     id: VehicleId,
+    boot: Boot,
     vehicle: Seat<Vehicle>,
     sensor: Seat<Sensor>,
     map: Seat<Map>,
@@ -36,12 +37,13 @@ impl VehicleNode {
         let sensor = Sensor::new(settings.look.clone(), settings.safety.pose_sd_max_m);
         VehicleNode {
             id: settings.vehicle,
+            boot: settings.boot,
             vehicle: Seat::new(Vehicle::new(settings.clone())),
             sensor: Seat::new(sensor),
             map: Seat::new(Map::new(settings.clone())),
             mission: Seat::new(Mission::new(settings.clone())),
             radio: Seat::new(Radio::new(settings.clone())),
-            outbox: Seat::new(Outbox::new(settings.vehicle, settings.boot)),
+            outbox: Seat::new(Outbox::new(settings.vehicle)),
             routed: Vec::new(),
         }
     }
@@ -54,6 +56,11 @@ impl VehicleNode {
     /// Gives what the mission is doing, for status lines and tests.
     pub fn mission(&self) -> &Mission {
         self.mission.actor()
+    }
+
+    /// Gives the boot of the vehicle's software.
+    pub fn boot(&self) -> Boot {
+        self.boot
     }
 
     /// Gives the map that the vehicle holds: its own layer and its peers'.
