@@ -4,7 +4,7 @@
 //! threads: only [`super::route`] says what goes where, in both.
 
 use tomoswarm_proto::codec::EncodeError;
-use tomoswarm_proto::{RunId, VehicleId};
+use tomoswarm_proto::{Boot, RunId, VehicleId};
 
 use super::map::Map;
 use super::mission::Mission;
@@ -22,6 +22,7 @@ use crate::time::{Deadline, Time};
 #[derive(Debug)]
 pub struct VehicleNode {
     id: VehicleId,
+    boot: Boot,
     vehicle: Seat<Vehicle>,
     sensor: Seat<Sensor>,
     map: Seat<Map>,
@@ -39,12 +40,13 @@ impl VehicleNode {
         let sensor = Sensor::new(settings.look.clone(), settings.safety.pose_sd_max_m);
         VehicleNode {
             id: settings.vehicle,
+            boot: settings.boot,
             vehicle: Seat::new(Vehicle::new(settings.clone())),
             sensor: Seat::new(sensor),
             map: Seat::new(Map::new(settings.clone())),
             mission: Seat::new(Mission::new(settings.clone())),
             radio: Seat::new(Radio::new(settings.clone())),
-            outbox: Seat::new(Outbox::new(settings.vehicle, settings.boot)),
+            outbox: Seat::new(Outbox::new(settings.vehicle)),
             routed: Vec::new(),
             acted: None,
         }
@@ -58,6 +60,11 @@ impl VehicleNode {
     /// Gives what the mission is doing, for status lines and tests.
     pub fn mission(&self) -> &Mission {
         self.mission.actor()
+    }
+
+    /// Gives the boot of the vehicle's software.
+    pub fn boot(&self) -> Boot {
+        self.boot
     }
 
     /// Gives the map that the vehicle holds: its own layer and its peers'.

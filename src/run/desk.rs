@@ -185,7 +185,8 @@ pub fn seat<A, M, S>(
 ) -> std::io::Result<JoinHandle<()>>
 where
     A: Actor + 'static,
-    A::In: Input + Send + 'static,
+    A::In: Input + Clone + Send + 'static,
+    A::Out: Clone,
     M: FnMut() -> A + Send + 'static,
     S: FnMut(A::Out) + Send + 'static,
 {
@@ -198,7 +199,8 @@ where
 fn work<A, M, S>(office: &Office, desk: &Desk<A::In>, post: Post, mut make: M, mut say: S)
 where
     A: Actor,
-    A::In: Input,
+    A::In: Input + Clone,
+    A::Out: Clone,
     M: FnMut() -> A,
     S: FnMut(A::Out),
 {
@@ -233,7 +235,8 @@ where
 fn act<A>(office: &Office, desk: &Desk<A::In>, actor: A, say: &mut impl FnMut(A::Out)) -> Result<(), Fault>
 where
     A: Actor,
-    A::In: Input,
+    A::In: Input + Clone,
+    A::Out: Clone,
 {
     let mut seat = Seat::new(actor);
     while let Some(inputs) = desk.take(office.clock, seat.deadline().map(|deadline| deadline.at)) {
@@ -270,6 +273,7 @@ mod tests {
         next: Time,
     }
 
+    #[derive(Clone)]
     struct Told(u32);
 
     impl Input for Told {

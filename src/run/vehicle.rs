@@ -130,7 +130,7 @@ pub fn seat_all(
     let (v, s, m) = (own(), own(), own());
     let (i, r, o) = (own(), own(), own());
     let sensor = move || Sensor::new(s.look.clone(), s.safety.pose_sd_max_m);
-    let outbox = move || Outbox::new(o.vehicle, o.boot);
+    let outbox = move || Outbox::new(o.vehicle);
     Ok(vec![
         seat(
             office,

@@ -31,6 +31,7 @@ use crate::geom::Angle;
 use crate::ground::station::Note as GroundNote;
 use crate::ground::{self, GroundNode};
 use crate::node::mission::Remark as MissionRemark;
+use crate::node::outbox::Recalled;
 use crate::node::radio::Heard;
 use crate::node::route::Note as VehicleNote;
 use crate::node::sensor::Echo;
@@ -244,7 +245,7 @@ impl Kernel {
         self.alarms[node].at = None;
         if node < self.vehicles.len() {
             self.vehicles[node].wake(self.now, &mut self.vehicle_effects)?;
-            self.carry_out(node);
+            self.carry_out(node)?;
         } else {
             self.ground.wake(self.now, &mut self.ground_effects)?;
             self.carry_out_ground();
@@ -255,7 +256,7 @@ impl Kernel {
 
     fn tell(&mut self, vehicle: usize, event: node::Event) -> Result<(), Fault> {
         self.vehicles[vehicle].tell(self.now, event, &mut self.vehicle_effects)?;
-        self.carry_out(vehicle);
+        self.carry_out(vehicle)?;
         self.set_alarm(vehicle);
         Ok(())
     }
@@ -284,27 +285,46 @@ impl Kernel {
         }
     }
 
-    fn carry_out(&mut self, vehicle: usize) {
-        let mut effects = std::mem::take(&mut self.vehicle_effects);
-        for effect in effects.drain(..) {
-            match effect {
-                // After the end nothing sets out any more; what moves comes to rest.
-                node::Effect::Fly(Fly::Drive { .. } | Fly::Turn(_)) if self.ended.is_some() => {}
-                node::Effect::Fly(fly) => {
-                    let touches = self.world.fly(vehicle, self.now, &fly);
-                    self.foresee(touches);
-                }
-                node::Effect::Steer(beam) => self.beams[vehicle] = beam,
-                node::Effect::Ping(_) | node::Effect::Transmit(_) if self.ended.is_some() => {}
-                node::Effect::Ping(ping) => self.ping(vehicle, ping.number),
-                node::Effect::Transmit(beacon) => self.transmit(vehicle, beacon),
-                node::Effect::Publish(message) => {
-                    self.publish(NodeId::Vehicle(self.vehicles[vehicle].id()), &message);
-                }
-                node::Effect::Note(note) => self.note(vehicle, &note),
+    /// Carries out what a vehicle wants done, and tells it what is known at once, until it wants nothing more.
+    fn carry_out(&mut self, vehicle: usize) -> Result<(), Fault> {
+        while !self.vehicle_effects.is_empty() {
+            let mut effects = std::mem::take(&mut self.vehicle_effects);
+            let answers: Vec<node::Event> =
+                effects.drain(..).filter_map(|effect| self.carry_out_one(vehicle, effect)).collect();
+            self.vehicle_effects = effects;
+            for answer in answers {
+                self.vehicles[vehicle].tell(self.now, answer, &mut self.vehicle_effects)?;
             }
         }
-        self.vehicle_effects = effects;
+        Ok(())
+    }
+
+    fn carry_out_one(&mut self, vehicle: usize, effect: node::Effect) -> Option<node::Event> {
+        match effect {
+            // After the end nothing sets out any more; what moves comes to rest.
+            node::Effect::Fly(Fly::Drive { .. } | Fly::Turn(_)) if self.ended.is_some() => {}
+            node::Effect::Fly(fly) => {
+                let touches = self.world.fly(vehicle, self.now, &fly);
+                self.foresee(touches);
+            }
+            node::Effect::Steer(beam) => self.beams[vehicle] = beam,
+            node::Effect::Ping(_) | node::Effect::Transmit(_) if self.ended.is_some() => {}
+            node::Effect::Ping(ping) => self.ping(vehicle, ping.number),
+            node::Effect::Transmit(beacon) => self.transmit(vehicle, beacon),
+            node::Effect::Publish(message) => {
+                self.publish(NodeId::Vehicle(self.vehicles[vehicle].id()), &message);
+            }
+            node::Effect::Note(note) => self.note(vehicle, &note),
+            // Simulated vehicles have no disk: what they make is kept in their memory alone.
+            node::Effect::Keep(run, sample) => {
+                return Some(node::Event::Kept(self.vehicles[vehicle].boot(), run, sample));
+            }
+            node::Effect::Recall { after: _ } => {
+                return Some(node::Event::Recalled(Recalled { samples: Vec::new(), is_end: true }));
+            }
+            node::Effect::Forget { .. } => {}
+        }
+        None
     }
 
     /// Queues contacts that will happen unless the motion changes before.
