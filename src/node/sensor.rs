@@ -13,6 +13,7 @@
 
 use std::time::Duration;
 
+use serde::{Deserialize, Serialize};
 use tomoswarm_proto::State;
 
 use super::LookSettings;
@@ -25,14 +26,14 @@ use crate::time::{Deadline, Time};
 const JUMP_M: f64 = 1.0;
 
 /// Asks the range sensor for an echo.
-#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize)]
 pub struct Ping {
     /// Counts the pings of this boot.
     pub number: u64,
 }
 
 /// The range driver's answer.
-#[derive(Clone, Copy, PartialEq, Debug)]
+#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
 pub struct Echo {
     /// Which ping it answers.
     pub number: u64,

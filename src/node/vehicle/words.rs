@@ -1,12 +1,13 @@
 //! What the vehicle actor hears of its autopilot and its mission, and what it answers: words only, no decisions.
 
+use serde::{Deserialize, Serialize};
 use tomoswarm_proto::{StopId, VehicleId};
 
 use crate::geom::{Angle, Point, Pose, Segment};
 use crate::time::Time;
 
 /// What the autopilot driver reports.
-#[derive(Clone, Copy, PartialEq, Debug)]
+#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
 pub struct Telemetry {
     /// Where the autopilot believes to be.
     pub pose: Pose,
@@ -19,7 +20,7 @@ pub struct Telemetry {
 }
 
 /// Whether and how a body moves.
-#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize)]
 pub enum Motion {
     /// Standing.
     Resting,
@@ -46,7 +47,7 @@ pub enum Command {
 }
 
 /// What the autopilot shall do.
-#[derive(Clone, PartialEq, Debug)]
+#[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
 pub enum Fly {
     /// Drive through the corners and stop at the last.
     Drive {
