@@ -10,6 +10,7 @@ use super::entry::Entry;
 use super::kernel::{Kernel, Parts, Recording, Status};
 use super::noise::{Noise, Purpose};
 use super::outcome::Outcome;
+use super::outside::{Outside, first_telemetry};
 use super::radio_field::{RadioConstants, RadioField};
 use super::range::{RangeModel, RangeSensor};
 use super::script::{EMPTY_RUN, RUN, Script};
@@ -204,6 +205,38 @@ impl Scenario {
 
     fn parts(&self) -> Result<Parts, ScenarioError> {
         let (sim, noise) = (&self.sim, self.noise);
+        let (world, second) = self.world()?;
+        let start = |vehicle| Some((vehicle, sim.home(vehicle)?));
+        let node =
+            |(vehicle, home)| VehicleNode::new(&NodeSettings::from_config(sim, vehicle, Boot(1), home));
+        Ok(Parts {
+            noise,
+            world,
+            bus: Bus::new(noise, self.bus()),
+            vehicles: sim.vehicle_ids().filter_map(start).map(node).collect(),
+            ground: self.ground()?,
+            script: Script::new(second, sim.end, sim.vehicles.count),
+            until: Time::ZERO + sim.until,
+            shuffle_ties: self.shuffle_ties,
+        })
+    }
+
+    /// Makes the world as a run begins, with all vehicles at home, and what stands there once the persons have
+    /// entered (`None` when they are in it from the beginning).
+    ///
+    /// # Errors
+    /// The scene cannot be built, or a vehicle cannot be put into it.
+    pub fn outside(&self) -> Result<(Outside, Option<Stage>), ScenarioError> {
+        self.world().map(|(world, second)| (Outside::new(world), second))
+    }
+
+    /// Gives when the telemetry of a vehicle comes for the first time.
+    pub fn first_telemetry(&self, vehicle: VehicleId) -> Time {
+        first_telemetry(self.noise, vehicle)
+    }
+
+    fn world(&self) -> Result<(World, Option<Stage>), ScenarioError> {
+        let (sim, noise) = (&self.sim, self.noise);
         let populated = self.stage(&self.persons)?;
         let (first, second) =
             if sim.empty_sweep { (self.stage(&[])?, Some(populated)) } else { (populated, None) };
@@ -215,23 +248,12 @@ impl Scenario {
             RadioField::new(noise, radio_constants(&sim.radio)),
             RangeSensor::new(self.range()),
         );
-        let mut vehicles = Vec::new();
         for vehicle in sim.vehicle_ids() {
             let Some(home) = sim.home(vehicle) else { continue };
             let heading = home.angle_to(sim.venue.area.centre());
             world.place(vehicle, home, heading).map_err(|reason| ScenarioError::Body { vehicle, reason })?;
-            vehicles.push(VehicleNode::new(&NodeSettings::from_config(sim, vehicle, Boot(1), home)));
         }
-        Ok(Parts {
-            noise,
-            world,
-            bus: Bus::new(noise, self.bus()),
-            vehicles,
-            ground: self.ground()?,
-            script: Script::new(second, sim.end, sim.vehicles.count),
-            until: Time::ZERO + sim.until,
-            shuffle_ties: self.shuffle_ties,
-        })
+        Ok((world, second))
     }
 
     fn build(&self) -> Build {
@@ -291,7 +313,7 @@ impl Scenario {
     }
 
     fn outcome(&self, kernel: Kernel) -> Result<Outcome, ScenarioError> {
-        let (mut record, world, ground, bus, simulated, separation_m) = kernel.into_parts();
+        let (mut record, outside, ground, bus, simulated, separation_m) = kernel.into_parts();
         let station = ground.station();
         let outlines = self.scene(&[])?.outlines(self.sim.vehicles.antenna_height_m);
         let finished = record.sweep_done && record.failure.is_none();
@@ -301,8 +323,8 @@ impl Scenario {
             finished,
             failure,
             simulated,
-            collisions: world.collisions().to_vec(),
-            fence_breaches: world.fence_breaches(),
+            collisions: outside.world().collisions().to_vec(),
+            fence_breaches: outside.world().fence_breaches(),
             min_separation_m: separation_m.is_finite().then_some(separation_m),
             samples: station.samples().count(RUN),
             links: station.samples().links(RUN),

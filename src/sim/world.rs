@@ -60,6 +60,18 @@ pub struct Collision {
     pub place: Point,
 }
 
+impl Collision {
+    /// Says who touched what, when and where.
+    pub fn in_words(&self) -> String {
+        let with = self.with.map_or("the scene".to_owned(), |peer| format!("vehicle {peer}"));
+        let (after_s, at) = (self.at.as_secs_f64(), self.place);
+        format!(
+            "vehicle {} touched {with} after {after_s:.0} s at {:.2}, {:.2} m",
+            self.vehicle, at.x_m, at.y_m
+        )
+    }
+}
+
 /// Something that will happen unless the motion changes before.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub struct Touch {
@@ -135,6 +147,16 @@ impl World {
         // The motion stays, but contacts foreseen with the old stage are void.
         self.rovers.iter_mut().for_each(|rover| rover.commands += 1);
         (0..self.rovers.len()).flat_map(|vehicle| self.touches(vehicle, now)).collect()
+    }
+
+    /// Gives how many vehicles there are.
+    pub fn vehicles(&self) -> usize {
+        self.rovers.len()
+    }
+
+    /// Gives the id of a vehicle.
+    pub fn id(&self, vehicle: usize) -> VehicleId {
+        self.rovers[vehicle].id
     }
 
     /// Gives where a vehicle truly is.
