@@ -11,6 +11,8 @@ pub mod error;
 mod folder;
 pub mod image;
 mod load;
+#[cfg(feature = "net")]
+mod logging;
 mod outputs;
 mod pictures;
 pub mod plan;
@@ -20,6 +22,8 @@ mod report;
 pub mod sim;
 mod stop;
 mod trials;
+#[cfg(feature = "net")]
+pub mod vehicle;
 
 use std::process::ExitCode;
 
@@ -52,6 +56,8 @@ enum Command {
     Image(image::ImageCommand),
     Plan(plan::PlanArgs),
     Check(check::CheckArgs),
+    #[cfg(feature = "net")]
+    Vehicle(vehicle::VehicleArgs),
 }
 
 /// Runs the program as the command line says, and gives its exit code.
@@ -70,6 +76,8 @@ pub fn run() -> ExitCode {
         Command::Image(image) => image.run(&mut answer),
         Command::Plan(plan) => plan.run(&mut answer),
         Command::Check(check) => check.run(&mut answer),
+        #[cfg(feature = "net")]
+        Command::Vehicle(vehicle) => vehicle.run(&mut answer),
     };
     match result {
         Ok(()) => ExitCode::SUCCESS,

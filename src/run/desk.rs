@@ -187,7 +187,7 @@ where
     A: Actor + 'static,
     A::In: Input + Clone + Send + 'static,
     A::Out: Clone,
-    M: FnMut() -> A + Send + 'static,
+    M: FnMut() -> Result<A, Fault> + Send + 'static,
     S: FnMut(A::Out) + Send + 'static,
 {
     let (office, desk) = (office.clone(), desk.clone());
@@ -201,12 +201,12 @@ where
     A: Actor,
     A::In: Input + Clone,
     A::Out: Clone,
-    M: FnMut() -> A,
+    M: FnMut() -> Result<A, Fault>,
     S: FnMut(A::Out),
 {
     let mut restarts = Restarts::default();
     loop {
-        let ended = catch_unwind(AssertUnwindSafe(|| act(office, desk, make(), &mut say)));
+        let ended = catch_unwind(AssertUnwindSafe(|| act(office, desk, make()?, &mut say)));
         desk.unread.busy_since.store(0, Ordering::Relaxed);
         let fault = match ended {
             Ok(Ok(())) => return,
@@ -312,7 +312,7 @@ mod tests {
         let (said, heard) = channel();
         let office = Office { clock: Clock::start(), troubles: Troubles::default(), endings };
         let desk = Desk::new("echo");
-        let make = move || Echo { wakes, next: Time::ZERO };
+        let make = move || Ok(Echo { wakes, next: Time::ZERO });
         let say = move |out| said.send(out).unwrap_or_default();
         let thread = seat(&office, &desk, post, make, say).unwrap();
         (desk, heard, failed, office.troubles.clone(), thread)

@@ -129,30 +129,36 @@ pub fn seat_all(
     let own = || settings.clone();
     let (v, s, m) = (own(), own(), own());
     let (i, r, o) = (own(), own(), own());
-    let sensor = move || Sensor::new(s.look.clone(), s.safety.pose_sd_max_m);
-    let outbox = move || Outbox::new(o.vehicle);
+    let sensor = move || Ok(Sensor::new(s.look.clone(), s.safety.pose_sd_max_m));
+    let outbox = move || Ok(Outbox::new(o.vehicle));
     Ok(vec![
         seat(
             office,
             &desks.vehicle,
             Post::Vital,
-            move || Vehicle::new(v.clone()),
+            move || Ok(Vehicle::new(v.clone())),
             voice(desks, &edge, Said::Vehicle),
         )?,
         seat(office, &desks.sensor, Post::Leaf, sensor, voice(desks, &edge, Said::Sensor))?,
-        seat(office, &desks.map, Post::Vital, move || Map::new(m.clone()), voice(desks, &edge, Said::Map))?,
+        seat(
+            office,
+            &desks.map,
+            Post::Vital,
+            move || Ok(Map::new(m.clone())),
+            voice(desks, &edge, Said::Map),
+        )?,
         seat(
             office,
             &desks.mission,
             Post::Vital,
-            move || Mission::new(i.clone()),
+            move || Ok(Mission::new(i.clone())),
             voice(desks, &edge, Said::Mission),
         )?,
         seat(
             office,
             &desks.radio,
             Post::Vital,
-            move || Radio::new(r.clone()),
+            move || Ok(Radio::new(r.clone())),
             voice(desks, &edge, Said::Radio),
         )?,
         seat(office, &desks.outbox, Post::Vital, outbox, voice(desks, &edge, Said::Outbox))?,
