@@ -19,6 +19,8 @@ mod report;
 pub mod sim;
 mod stop;
 mod trials;
+#[cfg(feature = "net")]
+pub mod world;
 
 use std::process::ExitCode;
 
@@ -51,6 +53,8 @@ enum Command {
     Image(image::ImageCommand),
     Plan(plan::PlanArgs),
     Check(check::CheckArgs),
+    #[cfg(feature = "net")]
+    World(world::WorldArgs),
 }
 
 /// Runs the program as the command line says, and gives its exit code.
@@ -69,6 +73,8 @@ pub fn run() -> ExitCode {
         Command::Image(image) => image.run(&mut answer),
         Command::Plan(plan) => plan.run(&mut answer),
         Command::Check(check) => check.run(&mut answer),
+        #[cfg(feature = "net")]
+        Command::World(world) => world.run(&mut answer),
     };
     match result {
         Ok(()) => ExitCode::SUCCESS,

@@ -6,3 +6,4 @@
 #![allow(clippy::disallowed_methods, reason = "the shell reads clocks, starts threads and waits")]
 
 pub mod link;
+pub mod world;
