@@ -24,6 +24,7 @@ mod stop;
 mod trials;
 #[cfg(feature = "net")]
 pub mod vehicle;
+pub mod world;
 
 use std::process::ExitCode;
 
@@ -58,6 +59,7 @@ enum Command {
     Check(check::CheckArgs),
     #[cfg(feature = "net")]
     Vehicle(vehicle::VehicleArgs),
+    World(world::WorldArgs),
 }
 
 /// Runs the program as the command line says, and gives its exit code.
@@ -78,6 +80,7 @@ pub fn run() -> ExitCode {
         Command::Check(check) => check.run(&mut answer),
         #[cfg(feature = "net")]
         Command::Vehicle(vehicle) => vehicle.run(&mut answer),
+        Command::World(world) => world.run(&mut answer),
     };
     match result {
         Ok(()) => ExitCode::SUCCESS,

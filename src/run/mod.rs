@@ -21,3 +21,4 @@ pub mod state_dir;
 pub mod subjects;
 pub mod vehicle;
 pub mod vehicle_process;
+pub mod world;

@@ -217,7 +217,7 @@ impl World {
         };
         // An impossible command leaves the motion as it was, as an autopilot would.
         if obeyed.is_err() {
-            return Vec::new();
+            return self.touches(vehicle, now);
         }
         self.judge_fence(vehicle, now);
         self.touches(vehicle, now)
@@ -232,7 +232,8 @@ impl World {
         }
     }
 
-    fn touches(&self, vehicle: usize, now: Time) -> Vec<Touch> {
+    /// Gives the contacts that the present motion of a vehicle leads to.
+    pub fn touches(&self, vehicle: usize, now: Time) -> Vec<Touch> {
         let rover = &self.rovers[vehicle];
         let one = (vehicle, rover.commands);
         let (radius_m, height_m) = (self.build.radius_m, self.build.height_m);
