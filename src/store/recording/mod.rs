@@ -15,13 +15,17 @@ mod base64;
 mod flight;
 mod folder;
 pub mod message;
+mod reader;
 mod recorder;
+mod replay;
 mod schema;
 mod segment;
 mod view;
 
 pub use flight::{About, Deed, Flight, Limits};
+pub use reader::{Found, ReadError, Reader};
 pub use recorder::{Recorder, Scribe};
+pub use replay::{Difference, ReplayError, Replayed, Verdict, replay};
 pub use segment::WriteError;
 
 /// The version of what is written here.
