@@ -6,7 +6,7 @@
 //!   tiles keep the other actors busy on 1,000 × 1,000 cells.
 
 use std::sync::mpsc::{Receiver, Sender as Channel, channel};
-use std::sync::{Mutex, PoisonError};
+use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
 use tomoswarm::config::{self, bundled};
@@ -16,7 +16,7 @@ use tomoswarm::run::bus::{Bus, BusSettings, Heard, Topology};
 use tomoswarm::run::clock::Clock;
 use tomoswarm::run::desk::{Desk, Ending, Office, Post, Troubles, seat};
 use tomoswarm_proto::{
-    Boot, LayerId, Message, Sender, TILE_CELLS, TileAddress, TileReport, VehicleId, codec,
+    Boot, LayerId, Message, Sender, TileAddress, TileReport, VehicleId, codec,
 };
 use zenoh::Wait;
 
@@ -78,7 +78,7 @@ fn tile(revision: u32) -> Message {
         14 | 15 => 9 + (index % 3) as i8,
         _ => 0,
     };
-    let cells = (0..TILE_CELLS).map(cell).collect();
+    let cells = Arc::new(std::array::from_fn(cell));
     Message::Tile(TileReport { layer, address: TileAddress::default(), revision, cells })
 }
 

@@ -24,6 +24,7 @@ mod stop;
 mod trials;
 #[cfg(feature = "net")]
 pub mod vehicle;
+#[cfg(feature = "net")]
 pub mod world;
 
 use std::process::ExitCode;
@@ -59,6 +60,7 @@ enum Command {
     Check(check::CheckArgs),
     #[cfg(feature = "net")]
     Vehicle(vehicle::VehicleArgs),
+    #[cfg(feature = "net")]
     World(world::WorldArgs),
 }
 
@@ -80,6 +82,7 @@ pub fn run() -> ExitCode {
         Command::Check(check) => check.run(&mut answer),
         #[cfg(feature = "net")]
         Command::Vehicle(vehicle) => vehicle.run(&mut answer),
+        #[cfg(feature = "net")]
         Command::World(world) => world.run(&mut answer),
     };
     match result {

@@ -15,7 +15,7 @@
 //! An order of the operator other than Start *stands* until the operator's next Start: meanwhile whatever the
 //! phase, nothing is begun, planned or timed, and no Start is given.
 //!
-//! Deadline: `repeat` (state is published and repeated, nobody asks and waits).
+//! Deadlines: `repeat` (state is published and repeated, nobody asks and waits), `ask for or send missing tiles`.
 
 mod phases;
 
@@ -23,7 +23,7 @@ use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
 use tomoswarm_proto::{
-    LayerId, Lease, Message, OrderKind, RunId, Samples, StopId, TileAddress, TileReport, VehicleId, Want,
+    LayerId, Lease, Message, OrderKind, RunId, Samples, StopId, TileAddress, TileReport, VehicleId,
 };
 
 use super::fleet::Fleet;
@@ -32,16 +32,12 @@ use super::planner::{Answer, Request};
 use super::samples::SampleStore;
 use crate::actor::{Actor, Class, Fault, Input};
 use crate::geom::Lattice;
-use crate::map::Merged;
+use crate::map::{Merged, Repair};
 use crate::sweep::Succession;
 use crate::time::{Deadline, Time};
 
 /// Everything is looked at and repeated this often.
 const TICK: Duration = Duration::from_secs(1);
-/// Wants sent for one digest.
-const WANTS: usize = 64;
-/// Tiles sent for one want.
-const REPAIR_TILES: usize = 16;
 
 /// What an operator wants.
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
@@ -168,6 +164,7 @@ struct Sweep {
 pub struct Station {
     fleet: Fleet,
     map: Merged,
+    repair: Repair,
     samples: SampleStore,
     phase: Phase,
     succession: Option<Succession>,
@@ -189,6 +186,7 @@ impl Station {
         Station {
             fleet: Fleet::new(&settings.vehicles, settings.lease),
             map: Merged::new(settings.lattice, None),
+            repair: Repair::new(None),
             samples: SampleStore::new(settings.store, settings.bin_m, settings.spot_m),
             phase: Phase::Idle,
             succession: None,
@@ -229,12 +227,12 @@ impl Station {
                 }
             }
             Message::Samples(batch) => self.store(&batch),
-            Message::Tile(report) => self.join(&report),
-            Message::Digest(digest) => {
-                let wants = self.map.want(&digest).into_iter().take(WANTS);
-                out.extend(wants.map(|want| Out::Publish(Message::Want(want))));
+            Message::Tile(report) => self.join(now, &report),
+            Message::Digest(digest) => self.repair.hear_digest(now, &self.map, &digest),
+            Message::Want(want) => {
+                self.repair.hear_want(now, &self.map, &want);
+                self.mend(now, out);
             }
-            Message::Want(want) => self.repair(&want, out),
             // Said by the ground itself, or the bus's and the radio's business.
             Message::Plan(_)
             | Message::Order(_)
@@ -250,14 +248,17 @@ impl Station {
         self.samples.take(batch);
     }
 
-    fn join(&mut self, report: &TileReport) {
+    fn join(&mut self, now: Time, report: &TileReport) {
         // A tile that cannot be joined changes nothing; its sender keeps it, and repeats it.
         let _ = self.map.join(report);
+        self.repair.pass(now, &self.map, report);
     }
 
-    fn repair(&self, want: &Want, out: &mut Vec<Out>) {
-        let tiles = self.map.answer(want, REPAIR_TILES);
-        out.extend(tiles.into_iter().map(|report| Out::Publish(Message::Tile(report))));
+    /// Asks for what is missing of the map, and sends what others miss.
+    fn mend(&mut self, now: Time, out: &mut Vec<Out>) {
+        let mut messages = Vec::new();
+        self.repair.wake(now, &self.map, &mut messages);
+        out.extend(messages.into_iter().map(Out::Publish));
     }
 
     fn wish(&mut self, now: Time, wish: Wish, out: &mut Vec<Out>) {
@@ -329,12 +330,17 @@ impl Actor for Station {
     }
 
     fn deadline(&self) -> Option<Deadline> {
-        Some(Deadline { at: self.tick_at, why: "repeat" })
+        let tick = Deadline { at: self.tick_at, why: "repeat" };
+        let repair = self.repair.deadline().map(|at| Deadline { at, why: "ask for or send missing tiles" });
+        Deadline::earlier(Some(tick), repair)
     }
 
     fn wake(&mut self, now: Time, out: &mut Vec<Out>) -> Result<(), Fault> {
-        self.tick_at = now + TICK;
-        self.tick(now, out);
+        if self.tick_at <= now {
+            self.tick_at = now + TICK;
+            self.tick(now, out);
+        }
+        self.mend(now, out);
         Ok(())
     }
 }

@@ -336,7 +336,7 @@ impl Scenario {
             persons: self.persons.clone(),
             outlines,
             counts: record.counts,
-            bus_bytes: bus.traffic().values().map(|traffic| traffic.sent_bytes).sum(),
+            bus_bytes: bus.sent_by_kind().clone(),
             log: record.log.into_text(),
         })
     }
