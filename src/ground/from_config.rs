@@ -1,6 +1,8 @@
 //! From a checked file to a ground station: its method of sweeping, its images, and itself. It decides nothing.
 
-use tomoswarm_proto::Lease;
+use std::time::Duration;
+
+use tomoswarm_proto::{Boot, Lease};
 
 use super::GroundNode;
 use super::imager::{Imager, Subject};
@@ -11,6 +13,11 @@ use crate::geom::{Lattice, PixelGrid, Rect};
 use crate::sweep::Ring;
 use crate::tomo::{MapSettings, Prior, SPOT_M, Settings as ImageSettings, Solver, TomoError, WeightModel};
 
+/// A vehicle is lost when it has been silent for so long while others were heard.
+pub const LOST_AFTER: Duration = Duration::from_secs(30);
+/// A vehicle without a bus carries on under its plan for so long.
+pub const AUTONOMY: Duration = Duration::from_secs(60);
+
 /// Makes the ground station of a simulation's file, with the positions that are measured from; `store` names its
 /// store of samples.
 ///
@@ -19,7 +26,13 @@ use crate::tomo::{MapSettings, Prior, SPOT_M, Settings as ImageSettings, Solver,
 pub fn ground_node(sim: &Sim, ring: Ring, lease: Lease, store: u64) -> Result<GroundNode, TomoError> {
     let station = Station::new(StationSettings {
         vehicles: sim.vehicle_ids().collect(),
-        lease,
+        lease: Some(lease),
+        holder: lease.holder,
+        take_over: false,
+        boot: Boot(1),
+        compare_with: None,
+        lost_after: LOST_AFTER,
+        autonomy: AUTONOMY,
         store,
         lattice: Lattice::new(sim.venue.cell_m),
         bin_m: sim.imaging.bin_m,
