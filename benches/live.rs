@@ -15,9 +15,7 @@ use tomoswarm::node::map::{self, Map};
 use tomoswarm::run::bus::{Bus, BusSettings, Heard, Topology};
 use tomoswarm::run::clock::Clock;
 use tomoswarm::run::desk::{Desk, Ending, Office, Post, Troubles, seat};
-use tomoswarm_proto::{
-    Boot, LayerId, Message, Sender, TileAddress, TileReport, VehicleId, codec,
-};
+use tomoswarm_proto::{Boot, LayerId, Message, Sender, TileAddress, TileReport, VehicleId, codec};
 use zenoh::Wait;
 
 /// Messages measured, each way.

@@ -1,11 +1,35 @@
-//! What the ground knows of each vehicle: its newest state and progress, and what it was ordered.
+//! What the ground knows of each vehicle: its newest state and progress, when it was heard, what it was ordered and by
+//! whom. What follows from that is the station's business.
+//!
+//! **Orders by several.** The station and an operator's `order` use the same lease, each with a revision above the
+//! vehicle's echo; the higher (lease, revision) wins, and a vehicle obeys only what is above its echo. So an echo that
+//! is not the station's own order shows what somebody else has ordered: a Start, or something that *stands* until the
+//! next Start of that vehicle. An own order that lost is given up, never raised over the other one.
 
 use std::collections::BTreeMap;
+use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
-use tomoswarm_proto::{Lease, Order, OrderKind, Progress, Revision, RunId, State, VehicleId};
+use tomoswarm_proto::{Boot, Lease, Order, OrderKind, Ordered, Progress, Revision, RunId, State, VehicleId};
 
 use crate::time::Time;
+
+/// What must not be forgotten of a vehicle when the ground station starts anew.
+#[derive(Clone, Copy, PartialEq, Debug, Default, Serialize, Deserialize)]
+pub struct Dealings {
+    /// Newest start of its software that was heard.
+    pub boot: Option<Boot>,
+    /// What the station has ordered last.
+    pub issued: Option<Order>,
+    /// Whether that order is still to be repeated.
+    pub is_pending: bool,
+    /// What it said last that it was ordered.
+    pub echo: Option<Ordered>,
+    /// What it was ordered other than Start, by anyone, since its last Start; the strongest.
+    pub stands: Option<OrderKind>,
+    /// Whether it has been silent for too long while others were heard.
+    pub is_lost: bool,
+}
 
 /// One vehicle as the ground sees it.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
@@ -14,8 +38,23 @@ pub struct Member {
     pub state: Option<(Time, State)>,
     /// Its newest progress.
     pub progress: Option<Progress>,
-    /// What it was ordered last, repeated until its state shows it.
-    pub order: Option<Order>,
+    /// When it was last heard.
+    pub heard_at: Option<Time>,
+    /// What was dealt with it.
+    pub dealings: Dealings,
+}
+
+/// What a message of a vehicle has shown.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
+pub struct Shown {
+    /// Its software has been started anew.
+    pub restarted: bool,
+    /// It was lost, and is back.
+    pub found: bool,
+    /// It has got on with its plan.
+    pub got_on: bool,
+    /// Somebody else has ordered it to begin this run.
+    pub started: Option<RunId>,
 }
 
 /// All vehicles that the ground expects.
@@ -31,38 +70,91 @@ impl Fleet {
         Fleet { members: expected.iter().map(|id| (*id, Member::default())).collect(), lease }
     }
 
+    /// Takes up what was dealt with vehicles before; those not expected any more are passed over.
+    pub fn recall(&mut self, dealings: &[(VehicleId, Dealings)]) {
+        for (vehicle, known) in dealings {
+            if let Some(member) = self.members.get_mut(vehicle) {
+                member.dealings = *known;
+            }
+        }
+    }
+
     /// Gives the vehicles, ascending.
     pub fn members(&self) -> impl Iterator<Item = (VehicleId, &Member)> {
         self.members.iter().map(|(id, member)| (*id, member))
     }
 
-    /// Gives the ids, ascending.
-    pub fn ids(&self) -> Vec<VehicleId> {
-        self.members.keys().copied().collect()
+    /// Gives what was dealt with each vehicle, ascending.
+    pub fn dealings(&self) -> Vec<(VehicleId, Dealings)> {
+        self.members().map(|(id, member)| (id, member.dealings)).collect()
+    }
+
+    /// Tells whether a vehicle is one of the fleet.
+    pub fn expects(&self, vehicle: VehicleId) -> bool {
+        self.members.contains_key(&vehicle)
+    }
+
+    /// Gives how many vehicles there are, lost ones included.
+    pub fn len(&self) -> usize {
+        self.members.len()
+    }
+
+    /// Gives the vehicles that are not lost, ascending.
+    pub fn present(&self) -> Vec<VehicleId> {
+        self.members().filter(|(_, member)| !member.dealings.is_lost).map(|(id, _)| id).collect()
+    }
+
+    /// Gives the vehicles that are lost, ascending.
+    pub fn lost(&self) -> Vec<VehicleId> {
+        self.members().filter(|(_, member)| member.dealings.is_lost).map(|(id, _)| id).collect()
+    }
+
+    /// Gives the vehicles that have not been heard yet, ascending.
+    pub fn unheard(&self) -> Vec<VehicleId> {
+        self.members().filter(|(_, member)| member.state.is_none()).map(|(id, _)| id).collect()
     }
 
     /// Takes a state; older ones and those of strangers change nothing.
-    pub fn heard_state(&mut self, now: Time, state: State) {
-        let Some(member) = self.members.get_mut(&state.vehicle) else { return };
+    pub fn heard_state(&mut self, now: Time, state: State) -> Shown {
+        let lease = self.lease;
+        let Some(member) = self.members.get_mut(&state.vehicle) else { return Shown::default() };
         let key = |state: &State| (state.boot, state.sequence);
-        if member.state.as_ref().is_none_or(|(_, known)| key(&state) > key(known)) {
-            let obeyed = |order: &Order| state.ordered.edition() >= (order.lease, order.revision);
-            if member.order.as_ref().is_some_and(obeyed) {
-                member.order = None;
-            }
-            member.state = Some((now, state));
+        let is_old = member.state.as_ref().is_some_and(|(_, known)| key(&state) <= key(known));
+        if is_old || member.dealings.boot.is_some_and(|boot| state.boot < boot) {
+            return Shown::default();
         }
+        let mut shown = member.hear(now, state.boot);
+        shown.started = member.dealings.take_echo(state.ordered, lease);
+        member.state = Some((now, state));
+        shown
     }
 
-    /// Takes a progress; a lower revision of the same run changes nothing. Gives whether the vehicle has got on.
-    pub fn heard_progress(&mut self, progress: Progress) -> bool {
-        let Some(member) = self.members.get_mut(&progress.vehicle) else { return false };
+    /// Takes a progress; one of an older start of the software, or a lower revision of the same run, changes nothing.
+    pub fn heard_progress(&mut self, now: Time, progress: Progress) -> Shown {
+        let Some(member) = self.members.get_mut(&progress.vehicle) else { return Shown::default() };
+        if member.dealings.boot.is_some_and(|boot| progress.boot < boot) {
+            return Shown::default();
+        }
+        let mut shown = member.hear(now, progress.boot);
         let key = |progress: &Progress| (progress.run, progress.revision, progress.done);
         let before = member.progress.as_ref().map(key);
         if before <= Some(key(&progress)) {
             member.progress = Some(progress);
         }
-        before < Some(key(&progress))
+        shown.got_on = before < Some(key(&progress));
+        shown
+    }
+
+    /// Tells whether a progress was said by the newest start of a vehicle's software.
+    pub fn is_current(&self, progress: &Progress) -> bool {
+        let known = self.members.get(&progress.vehicle).and_then(|member| member.dealings.boot);
+        known.is_none_or(|boot| boot <= progress.boot)
+    }
+
+    /// Gives the number of the newest state heard from a vehicle; 0 = none.
+    pub fn newest_state(&self, vehicle: VehicleId) -> u64 {
+        let state = self.members.get(&vehicle).and_then(|member| member.state.as_ref());
+        state.map_or(0, |(_, state)| state.sequence)
     }
 
     /// Tells whether every vehicle has been heard.
@@ -70,21 +162,46 @@ impl Fleet {
         self.members.values().all(|member| member.state.is_some())
     }
 
+    /// Tells whether it is known where every vehicle is that is not lost.
+    pub fn are_placed(&self) -> bool {
+        self.members.values().all(|member| member.dealings.is_lost || member.state.is_some())
+    }
+
     /// Gives the highest revision of a run that any vehicle shows, so that a new ground begins above it.
     pub fn highest_revision(&self, run: RunId) -> Revision {
-        let states = self.members.values().filter_map(|member| member.state.as_ref());
-        let shown = states.filter(|(_, state)| state.accepted.0 == run).map(|(_, state)| state.accepted.1);
+        let shown = self.accepted().filter(|accepted| accepted.0 == run).map(|accepted| accepted.1);
         shown.max().unwrap_or_default()
+    }
+
+    /// Gives the highest run whose plans any vehicle follows.
+    pub fn highest_run(&self) -> RunId {
+        self.accepted().map(|accepted| accepted.0).max().unwrap_or_default()
+    }
+
+    fn accepted(&self) -> impl Iterator<Item = (RunId, Revision)> {
+        self.members.values().filter_map(|member| member.state.as_ref()).map(|(_, state)| state.accepted)
+    }
+
+    /// Gives what stands for any vehicle that is not lost: ordered by anyone and not ended by a Start; the strongest.
+    pub fn standing(&self) -> Option<OrderKind> {
+        let present = self.members.values().filter(|member| !member.dealings.is_lost);
+        present.filter_map(|member| member.dealings.stands).max()
+    }
+
+    /// Orders by this right from now on; what is still to be repeated too.
+    pub fn set_lease(&mut self, lease: Lease) {
+        self.lease = lease;
+        for member in self.members.values_mut() {
+            if let Some(order) = member.dealings.issued.as_mut().filter(|_| member.dealings.is_pending) {
+                order.lease = lease;
+            }
+        }
     }
 
     /// Orders something of every vehicle, above whatever it has obeyed before.
     pub fn order_all(&mut self, run: RunId, kind: OrderKind) {
         for (vehicle, member) in &mut self.members {
-            let obeyed = member.state.as_ref().map_or(Revision(0), |(_, state)| state.ordered.revision);
-            let pending = member.order.as_ref().map_or(Revision(0), |order| order.revision);
-            let revision = Revision(obeyed.max(pending).0.saturating_add(1));
-            member.order =
-                Some(Order { vehicle: *vehicle, lease: self.lease, run, revision, seen_state: 0, kind });
+            member.dealings.order(*vehicle, self.lease, run, kind);
         }
     }
 
@@ -92,20 +209,98 @@ impl Fleet {
     pub fn open_orders(&self) -> Vec<Order> {
         let order = |member: &Member| {
             let (_, state) = member.state.as_ref()?;
-            Some(Order { seen_state: state.sequence, ..member.order? })
+            let order = member.dealings.issued.filter(|_| member.dealings.is_pending)?;
+            Some(Order { seen_state: state.sequence, ..order })
         };
         self.members.values().filter_map(order).collect()
+    }
+
+    /// Gives whom nobody has heard for `after`, although another vehicle was heard within `others`; they are lost from
+    /// now on.
+    pub fn lose(&mut self, now: Time, after: Duration, others: Duration) -> Vec<VehicleId> {
+        let within = |member: &Member, span| member.heard_at.is_some_and(|at| now.since(at) <= span);
+        if !self.members.values().any(|member| within(member, others)) {
+            return Vec::new();
+        }
+        let is_gone =
+            |member: &Member| !member.dealings.is_lost && member.heard_at.is_some() && !within(member, after);
+        let lost = self.members().filter(|(_, member)| is_gone(member)).map(|(id, _)| id).collect();
+        self.members.values_mut().filter(|member| is_gone(member)).for_each(|member| {
+            member.dealings.is_lost = true;
+        });
+        lost
+    }
+
+    /// Counts silence from now on, for those who were heard before this station was started.
+    pub fn count_silence_from(&mut self, now: Time) {
+        for member in self.members.values_mut().filter(|member| member.dealings.boot.is_some()) {
+            member.heard_at.get_or_insert(now);
+        }
+    }
+}
+
+impl Member {
+    /// It is there: gives whether it was lost, and whether its software was started anew.
+    fn hear(&mut self, now: Time, boot: Boot) -> Shown {
+        self.heard_at = Some(now);
+        let known = self.dealings.boot.replace(boot);
+        let found = std::mem::take(&mut self.dealings.is_lost);
+        Shown { restarted: known.is_some_and(|known| known < boot), found, ..Shown::default() }
+    }
+}
+
+impl Dealings {
+    fn order(&mut self, vehicle: VehicleId, lease: Lease, run: RunId, kind: OrderKind) {
+        let obeyed = self.echo.map_or(Revision(0), |echo| echo.revision);
+        let pending = self.issued.filter(|_| self.is_pending).map_or(Revision(0), |order| order.revision);
+        let revision = Revision(obeyed.max(pending).0.saturating_add(1));
+        self.issued = Some(Order { vehicle, lease, run, revision, seen_state: 0, kind });
+        self.is_pending = true;
+        self.stand(kind);
+    }
+
+    fn stand(&mut self, kind: OrderKind) {
+        self.stands = if kind == OrderKind::Start { None } else { self.stands.max(Some(kind)) };
+    }
+
+    /// Takes what a vehicle says it was ordered; gives the run that somebody else has started it for, by a right not
+    /// below `lease` or while the station was listening.
+    fn take_echo(&mut self, echo: Ordered, lease: Lease) -> Option<RunId> {
+        let known = self.echo.replace(echo);
+        let kind = echo.kind.filter(|_| known != Some(echo))?;
+        let of = |order: &Order| (order.lease, order.revision);
+        let is_own = self
+            .issued
+            .is_some_and(|order| of(&order) == echo.edition() && (order.kind, order.run) == (kind, echo.run));
+        // What somebody has stopped meanwhile is not started again by what was ordered before.
+        let is_beaten = self.issued.is_some_and(|order| {
+            echo.edition() >= of(&order) || (kind > order.kind && order.kind == OrderKind::Start)
+        });
+        self.is_pending = self.is_pending && !is_beaten;
+        if is_own {
+            return None;
+        }
+        if is_beaten {
+            // Another order of the same edition is not taken for the own one.
+            self.issued = None;
+        }
+        self.stand(kind);
+        let is_fresh = known.is_some() || echo.lease >= lease;
+        (kind == OrderKind::Start && is_fresh).then_some(echo.run)
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use tomoswarm_proto::{Boot, Mode, Ordered};
+    use tomoswarm_proto::Mode;
 
-    fn state(sequence: u64, ordered: Revision, lease: Lease) -> State {
+    const ONE: VehicleId = VehicleId(1);
+    const LEASE: Lease = Lease { number: 1, holder: 9 };
+
+    fn state(sequence: u64, revision: u32, kind: Option<OrderKind>) -> State {
         State {
-            vehicle: VehicleId(1),
+            vehicle: ONE,
             boot: Boot(1),
             sequence,
             pose: Default::default(),
@@ -114,43 +309,107 @@ mod tests {
             battery: 1.0,
             leg: None,
             accepted: Default::default(),
-            ordered: Ordered { lease, revision: ordered, ..Ordered::default() },
+            ordered: Ordered { lease: LEASE, revision: Revision(revision), run: RunId(1), kind },
         }
+    }
+
+    fn heard(fleet: &mut Fleet, sequence: u64, revision: u32, kind: OrderKind) -> Shown {
+        fleet.heard_state(Time::ZERO, state(sequence, revision, Some(kind)))
     }
 
     #[test]
     fn an_order_is_repeated_until_its_effect_shows() {
-        let lease = Lease { number: 1, holder: 9 };
-        let mut fleet = Fleet::new(&[VehicleId(1)], lease);
-        fleet.heard_state(Time::ZERO, state(5, Revision(3), lease));
+        let mut fleet = Fleet::new(&[ONE], LEASE);
+        heard(&mut fleet, 5, 3, OrderKind::Start);
         fleet.order_all(RunId(1), OrderKind::Start);
         assert_eq!(fleet.open_orders()[0].revision, Revision(4));
         assert_eq!(fleet.open_orders()[0].seen_state, 5);
-        fleet.heard_state(Time::ZERO, state(6, Revision(3), lease));
+        heard(&mut fleet, 6, 3, OrderKind::Start);
         assert_eq!(fleet.open_orders().len(), 1);
-        fleet.heard_state(Time::ZERO, state(7, Revision(4), lease));
+        heard(&mut fleet, 7, 4, OrderKind::Start);
         assert!(fleet.open_orders().is_empty());
     }
 
     #[test]
     fn old_states_and_strangers_change_nothing() {
-        let mut fleet = Fleet::new(&[VehicleId(1)], Lease::default());
-        fleet.heard_state(
-            Time::ZERO,
-            State { vehicle: VehicleId(8), ..state(1, Revision(0), Lease::default()) },
-        );
+        let mut fleet = Fleet::new(&[ONE], Lease::default());
+        fleet.heard_state(Time::ZERO, State { vehicle: VehicleId(8), ..state(1, 0, None) });
         assert!(!fleet.is_complete());
-        fleet.heard_state(Time::ZERO, state(9, Revision(0), Lease::default()));
-        fleet.heard_state(Time::ZERO, state(4, Revision(0), Lease::default()));
+        fleet.heard_state(Time::ZERO, state(9, 0, None));
+        fleet.heard_state(Time::ZERO, state(4, 0, None));
         let (_, member) = fleet.members().next().unwrap();
         assert_eq!(member.state.as_ref().unwrap().1.sequence, 9);
     }
 
     #[test]
     fn an_order_above_the_highest_revision_is_no_overflow() {
-        let mut fleet = Fleet::new(&[VehicleId(1)], Lease::default());
-        fleet.heard_state(Time::ZERO, state(1, Revision(u32::MAX), Lease::default()));
+        let mut fleet = Fleet::new(&[ONE], Lease::default());
+        fleet.heard_state(Time::ZERO, state(1, u32::MAX, None));
         fleet.order_all(RunId(1), OrderKind::Emergency);
         assert_eq!(fleet.open_orders()[0].revision, Revision(u32::MAX));
+    }
+
+    #[test]
+    fn what_somebody_else_has_stopped_stands_and_beats_the_own_start() {
+        for revision in [3, 4, 7] {
+            let mut fleet = Fleet::new(&[ONE], LEASE);
+            heard(&mut fleet, 1, 2, OrderKind::Start);
+            fleet.order_all(RunId(1), OrderKind::Start);
+            fleet.order_all(RunId(1), OrderKind::Start);
+            // The operator's order came before, at the same time as, or after the own one.
+            let shown = heard(&mut fleet, 2, revision, OrderKind::Hold);
+            assert_eq!((fleet.standing(), shown.started), (Some(OrderKind::Hold), None));
+            assert!(fleet.open_orders().is_empty(), "the own start is not repeated: {revision}");
+            let shown = heard(&mut fleet, 3, revision + 1, OrderKind::Start);
+            assert_eq!((fleet.standing(), shown.started), (None, Some(RunId(1))));
+        }
+    }
+
+    #[test]
+    fn what_was_ordered_long_ago_by_a_lower_right_starts_nothing() {
+        let mut fleet = Fleet::new(&[ONE], Lease { number: 5, holder: 9 });
+        assert_eq!(heard(&mut fleet, 1, 2, OrderKind::Start).started, None);
+        assert_eq!(heard(&mut fleet, 2, 3, OrderKind::Start).started, Some(RunId(1)), "that one is new");
+    }
+
+    #[test]
+    fn an_own_order_that_was_obeyed_is_nobody_elses() {
+        let mut fleet = Fleet::new(&[ONE], LEASE);
+        heard(&mut fleet, 1, 1, OrderKind::Start);
+        fleet.order_all(RunId(1), OrderKind::Start);
+        assert_eq!(heard(&mut fleet, 2, 2, OrderKind::Start).started, None);
+        assert!(fleet.open_orders().is_empty());
+    }
+
+    #[test]
+    fn who_is_silent_while_others_speak_is_lost_until_heard_again() {
+        let two = VehicleId(2);
+        let (after, others) = (Duration::from_secs(30), Duration::from_secs(2));
+        let at = |seconds| Time::ZERO + Duration::from_secs(seconds);
+        let mut fleet = Fleet::new(&[ONE, two], LEASE);
+        fleet.heard_state(at(0), state(1, 0, None));
+        fleet.heard_state(at(0), State { vehicle: two, ..state(1, 0, None) });
+        assert!(
+            fleet.lose(at(40), after, others).is_empty(),
+            "nobody is heard: the ground itself is cut off"
+        );
+        fleet.heard_progress(at(41), Progress { vehicle: two, boot: Boot(1), ..Progress::default() });
+        assert_eq!(fleet.lose(at(42), after, others), [ONE]);
+        assert_eq!(fleet.lose(at(42), after, others), []);
+        assert_eq!((fleet.present(), fleet.lost()), (vec![two], vec![ONE]));
+        assert!(!fleet.heard_state(at(43), state(1, 0, None)).found, "an old state is no sign of life");
+        assert!(fleet.heard_state(at(43), state(2, 0, None)).found);
+        assert_eq!(fleet.present(), [ONE, two]);
+    }
+
+    #[test]
+    fn a_restart_is_seen_and_what_was_said_before_it_counts_no_more() {
+        let mut fleet = Fleet::new(&[ONE], LEASE);
+        assert!(!fleet.heard_state(Time::ZERO, state(100, 0, None)).restarted);
+        assert!(fleet.heard_state(Time::ZERO, State { boot: Boot(2), ..state(1, 0, None) }).restarted);
+        let old = Progress { vehicle: ONE, boot: Boot(1), run: RunId(1), ..Progress::default() };
+        assert_eq!(fleet.heard_progress(Time::ZERO, old), Shown::default());
+        assert!(fleet.heard_progress(Time::ZERO, Progress { boot: Boot(2), ..old }).got_on);
+        assert!(fleet.heard_progress(Time::ZERO, Progress { boot: Boot(3), ..old }).restarted);
     }
 }

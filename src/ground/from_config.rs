@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use tomoswarm_proto::{Lease, VehicleId};
+use tomoswarm_proto::{Boot, Lease, RunId, VehicleId};
 
 use super::GroundNode;
 use super::imager::{Imager, Subject};
@@ -37,6 +37,11 @@ pub enum PartsError {
     Image(#[from] TomoError),
 }
 
+/// A vehicle is lost when it has been silent for so long while others were heard.
+pub const LOST_AFTER: Duration = Duration::from_secs(30);
+/// A vehicle without a bus carries on under its plan for so long.
+pub const AUTONOMY: Duration = Duration::from_secs(60);
+
 /// Makes the ground station of a simulation's file, with the positions that are measured from; `store` names its
 /// store of samples.
 ///
@@ -52,16 +57,31 @@ pub fn ground_node(sim: &Sim, ring: Ring, lease: Lease, store: u64) -> Result<Gr
         sensitivity_dbm: sim.radio.sensitivity_dbm,
         planner_time: sim.durations.planner,
         imager_time: sim.durations.imager,
+        office: Office {
+            lease: Some(lease),
+            holder: lease.holder,
+            take_over: false,
+            boot: Boot(1),
+            compare_with: None,
+            lost_after: LOST_AFTER,
+            store,
+        },
     };
-    let GroundParts { station, planner, imager } = told.parts(ring, lease, store)?;
+    let GroundParts { station, planner, imager } = told.parts(ring)?;
     Ok(GroundNode::new(Station::new(station), planner, imager))
 }
 
-/// Gives what the ground station of a node's file is made of; its answers are there as soon as they are found.
+/// Gives what the ground station of a node's file is made of; its answers are there as soon as they are found. `boot`
+/// counts its starts, `holder` is drawn at random for its lease, `store` names its store of samples.
 ///
 /// # Errors
 /// The positions cannot be laid around the area; the image has an impossible grid.
-pub fn ground_parts(file: &GroundFile, lease: Lease, store: u64) -> Result<GroundParts, PartsError> {
+pub fn ground_parts(
+    file: &GroundFile,
+    boot: Boot,
+    holder: u64,
+    store: u64,
+) -> Result<GroundParts, PartsError> {
     let told = Told {
         venue: &file.venue,
         vehicles: file.vehicles.clone(),
@@ -71,9 +91,18 @@ pub fn ground_parts(file: &GroundFile, lease: Lease, store: u64) -> Result<Groun
         sensitivity_dbm: file.sensitivity_dbm,
         planner_time: Duration::ZERO,
         imager_time: Duration::ZERO,
+        office: Office {
+            lease: None,
+            holder,
+            take_over: file.take_over,
+            boot,
+            compare_with: file.compare_with,
+            lost_after: file.lost_after,
+            store,
+        },
     };
     let ring = Ring::new(file.venue.area, file.sweep.positions)?;
-    Ok(told.parts(ring, lease, store)?)
+    Ok(told.parts(ring)?)
 }
 
 /// What both kinds of files say.
@@ -86,17 +115,35 @@ struct Told<'f> {
     sensitivity_dbm: f64,
     planner_time: Duration,
     imager_time: Duration,
+    office: Office,
+}
+
+/// Who a station is, and by which right it speaks.
+struct Office {
+    lease: Option<Lease>,
+    holder: u64,
+    take_over: bool,
+    boot: Boot,
+    compare_with: Option<RunId>,
+    lost_after: Duration,
+    store: u64,
 }
 
 impl Told<'_> {
-    fn parts(self, ring: Ring, lease: Lease, store: u64) -> Result<GroundParts, TomoError> {
+    fn parts(self, ring: Ring) -> Result<GroundParts, TomoError> {
         let image = |subject| image_settings(self.imaging, self.venue.area, self.sensitivity_dbm, subject);
         let imager = Imager::new(image(Subject::Change), image(Subject::Structure), self.imager_time)?;
         let planner = Planner::new(ring, method(self.sweep), self.separation_m, self.planner_time);
         let station = StationSettings {
             vehicles: self.vehicles,
-            lease,
-            store,
+            lease: self.office.lease,
+            holder: self.office.holder,
+            take_over: self.office.take_over,
+            boot: self.office.boot,
+            compare_with: self.office.compare_with,
+            lost_after: self.office.lost_after,
+            autonomy: AUTONOMY,
+            store: self.office.store,
             lattice: Lattice::new(self.venue.cell_m),
             bin_m: self.imaging.bin_m,
             spot_m: SPOT_M,

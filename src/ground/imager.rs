@@ -1,7 +1,8 @@
 //! The imager actor: turns the newest links into a picture. It is slow, so it works alone and its answer
 //! takes a configured time; a job that waits while it works is replaced by a newer one.
 //!
-//! It is told jobs, it says pictures. It keeps the last solution of each kind, so that the next lap starts warm.
+//! It is told jobs, it says pictures. It keeps the last solution of each kind, so that the next lap starts warm; the last
+//! picture of a run is made without it, so that it depends on the samples alone, also after a restart.
 //!
 //! Deadline: `picture ready`.
 
@@ -36,6 +37,8 @@ pub struct Job {
     pub now: Vec<Link>,
     /// Links of the empty sweep, for [`Subject::Change`].
     pub empty: Vec<Link>,
+    /// Whether it is the last one of its run.
+    pub is_last: bool,
 }
 
 /// A picture that was made.
@@ -77,6 +80,12 @@ impl Imager {
             return;
         }
         let job = self.waiting.remove(0);
+        if job.is_last {
+            match job.subject {
+                Subject::Change => self.change.forget(),
+                Subject::Structure => self.structure.forget(),
+            }
+        }
         let result = match job.subject {
             Subject::Change => self.change.update(&job.now, Some(&job.empty)),
             Subject::Structure => self.structure.update(&job.now, None),

@@ -52,6 +52,8 @@ pub struct Request {
 pub struct Answer {
     /// Of which run.
     pub run: RunId,
+    /// The revision that was asked for.
+    pub revision: Revision,
     /// One plan for each vehicle, or why there is none.
     pub plans: Result<Vec<Plan>, String>,
     /// Per lap, the last stop of each vehicle.
@@ -84,7 +86,8 @@ pub fn plan(ring: &Ring, method: Method, separation_m: f64, request: &Request) -
     match method {
         Method::RotatingGap { laps } => {
             let default = sweep::default_laps(ring.positions(), places.len());
-            let end_lap = laps.unwrap_or(default);
+            // Fewer vehicles need more laps than more do; who is asked while the sweep goes on drives at least one.
+            let end_lap = laps.unwrap_or(default).max(first_lap.saturating_add(1));
             let gaps = GapRequest { run, revision, vehicles: places, first_lap, end_lap, separation_m };
             sweep::rotating_gap(ring, &gaps)
         }
@@ -99,14 +102,14 @@ pub fn plan(ring: &Ring, method: Method, separation_m: f64, request: &Request) -
     }
 }
 
-fn answer(run: RunId, planned: Result<Sweep, SweepError>) -> Answer {
+fn answer(run: RunId, revision: Revision, planned: Result<Sweep, SweepError>) -> Answer {
     match planned {
         Ok(Sweep { plans, schedule }) => {
             let last =
                 |lap: &sweep::Lap| lap.stops.iter().map(|(vehicle, _, last)| (*vehicle, *last)).collect();
-            Answer { run, plans: Ok(plans), laps: schedule.laps.iter().map(last).collect() }
+            Answer { run, revision, plans: Ok(plans), laps: schedule.laps.iter().map(last).collect() }
         }
-        Err(error) => Answer { run, plans: Err(error.to_string()), laps: Vec::new() },
+        Err(error) => Answer { run, revision, plans: Err(error.to_string()), laps: Vec::new() },
     }
 }
 
@@ -116,7 +119,7 @@ impl Actor for Planner {
 
     fn handle(&mut self, now: Time, request: Request, _out: &mut Vec<Answer>) -> Result<(), Fault> {
         let planned = plan(&self.ring, self.method, self.separation_m, &request);
-        self.ready = Some((now + self.takes, answer(request.run, planned)));
+        self.ready = Some((now + self.takes, answer(request.run, request.revision, planned)));
         Ok(())
     }
 

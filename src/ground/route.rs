@@ -1,9 +1,10 @@
 //! Who hears whom inside the ground station: the only place that knows.
 //!
 //! ```text
-//!   bus ──State, Progress, Tile, Samples, Digest, Want──► station ──Plan, Order, Have, Tile…──► bus
+//!   bus ──State, Progress, Tile, Samples, Digest, Want, Report──► station ──Plan, Order, Have, Report, Tile…──► bus
 //!   operator ──Begin──► station ──Request──► planner ──Answer──► station
-//!                       station ──Job──► imager ──Picture──► edge (log, files, dashboard)
+//!                       station ──Job──► imager ──Picture──► edge (log, files, dashboard), station
+//!                       station ──Memory──► edge (store)
 //! ```
 
 use tomoswarm_proto::Message;
@@ -19,13 +20,16 @@ pub enum Event {
     Operator(station::Wish),
 }
 
-/// What the ground station wants done outside.
+/// What the ground station wants done outside, in this order: what it remembers must be stored before what follows is
+/// published.
 #[derive(Clone, Debug)]
 pub enum Effect {
     /// The bus shall carry a message to the vehicles.
     Publish(Message),
-    /// A picture was made.
+    /// A picture was made; to be stored in place of an earlier one of its run, laps and subject.
     Picture(imager::Picture),
+    /// What a station that is started anew needs; to be stored in place of what it remembered before.
+    Remember(Box<station::Memory>),
     /// Something worth a line in the log.
     Note(station::Note),
 }
@@ -50,7 +54,7 @@ pub(crate) enum To {
 
 /// Says where something goes.
 pub(crate) fn route(said: Said, to: &mut Vec<To>) {
-    to.push(match said {
+    let next = match said {
         Said::Edge(Event::Bus(message)) => To::Station(station::In::Bus(message)),
         Said::Edge(Event::Operator(wish)) => To::Station(station::In::Wish(wish)),
         Said::Station(station::Out::Publish(message)) => To::Edge(Effect::Publish(message)),
@@ -58,6 +62,12 @@ pub(crate) fn route(said: Said, to: &mut Vec<To>) {
         Said::Station(station::Out::Reconstruct(job)) => To::Imager(job),
         Said::Station(station::Out::Note(note)) => To::Edge(Effect::Note(note)),
         Said::Planner(answer) => To::Station(station::In::Planned(answer)),
-        Said::Imager(picture) => To::Edge(Effect::Picture(picture)),
-    });
+        Said::Station(station::Out::Remember(memory)) => To::Edge(Effect::Remember(memory)),
+        Said::Imager(picture) => {
+            let made = station::In::Pictured(station::PictureName::of(&picture));
+            to.push(To::Edge(Effect::Picture(picture)));
+            To::Station(made)
+        }
+    };
+    to.push(next);
 }

@@ -1,4 +1,8 @@
-//! Samples as the ground keeps them: each stored once, with a watermark per vehicle, boot and run.
+//! Samples as the ground keeps them: each stored once, with a watermark per vehicle, boot and run. Who may send them is not
+//! judged here.
+//!
+//! Memory is bounded whatever is sent: of one source so many sequences above a gap, and so many sources. What is refused
+//! is not acknowledged, so its sender keeps it and sends it again.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -7,6 +11,18 @@ use tomoswarm_proto::{Boot, Have, HeardFrom, RunId, Sample, Samples, VehicleId};
 
 use crate::geom::Point;
 use crate::tomo::{Link, LinkBins};
+
+/// Sequences above a gap that are kept of one source.
+const BEYOND_MAX: usize = 65_536;
+/// Sources at most; one for every start of a vehicle's software in every run.
+const SOURCES_MAX: usize = 16_384;
+/// Bin pairs of one run at most, 20 times those of a long sweep by eight vehicles.
+const BINS_MAX: usize = 500_000;
+/// Watermarks of the newest runs, told every time, and of the others, in turn: together under 64 kB.
+const MARKS_NEWEST: usize = 1024;
+const MARKS_IN_TURN: usize = 1024;
+/// Closed runs told of, the newest.
+const CLOSED_MAX: usize = 1024;
 
 type Source = (VehicleId, Boot, RunId);
 
@@ -20,11 +36,18 @@ struct Received {
 }
 
 impl Received {
-    /// Records a sequence; gives whether it was new.
+    /// Tells whether a sequence is not stored yet.
+    fn is_new(&self, sequence: u64) -> bool {
+        sequence >= self.below && !self.beyond.contains(&sequence)
+    }
+
+    /// Records a sequence; gives whether there was room for it.
     fn take(&mut self, sequence: u64) -> bool {
-        if sequence < self.below || !self.beyond.insert(sequence) {
+        let is_room = sequence == self.below || self.beyond.len() < BEYOND_MAX;
+        if !is_room || sequence == u64::MAX {
             return false;
         }
+        self.beyond.insert(sequence);
         while self.beyond.remove(&self.below) {
             self.below += 1;
         }
@@ -41,6 +64,8 @@ pub struct SampleStore {
     received: BTreeMap<Source, Received>,
     bins: BTreeMap<RunId, LinkBins>,
     count: BTreeMap<RunId, u64>,
+    /// Samples for which there was no room.
+    refused: u64,
 }
 
 impl SampleStore {
@@ -53,32 +78,65 @@ impl SampleStore {
             received: BTreeMap::new(),
             bins: BTreeMap::new(),
             count: BTreeMap::new(),
+            refused: 0,
         }
     }
 
     /// Stores a batch; gives how many samples of it were new.
     pub fn take(&mut self, batch: &Samples) -> usize {
-        let received = self.received.entry((batch.vehicle, batch.boot, batch.run)).or_default();
+        let source = (batch.vehicle, batch.boot, batch.run);
+        let is_known = self.received.contains_key(&source);
+        if batch.samples.is_empty() || (!is_known && self.received.len() >= SOURCES_MAX) {
+            self.refused = self.refused.saturating_add(batch.samples.len() as u64);
+            return 0;
+        }
+        let received = self.received.entry(source).or_default();
         let (bin_m, spot_m) = (self.bin_m, self.spot_m);
         let bins = self.bins.entry(batch.run).or_insert_with(|| LinkBins::new(bin_m, spot_m));
         let mut new = 0;
-        for sample in batch.samples.iter().filter(|sample| received.take(sample.sequence)) {
-            record(bins, sample);
-            new += 1;
+        for sample in batch.samples.iter() {
+            if !received.is_new(sample.sequence) {
+                continue;
+            }
+            if bins.len() < BINS_MAX && received.take(sample.sequence) {
+                record(bins, sample);
+                new += 1;
+            } else {
+                self.refused = self.refused.saturating_add(1);
+            }
         }
         *self.count.entry(batch.run).or_default() += new as u64;
         new
     }
 
-    /// Tells vehicles what they may forget.
-    pub fn have(&self) -> Have {
-        let mark = |((vehicle, boot, run), received): (&Source, &Received)| HeardFrom {
+    /// Tells vehicles what they may forget: of the newest runs at every `turn`, of more than fit in turn.
+    pub fn have(&self, closed: &BTreeSet<RunId>, turn: u64) -> Have {
+        let mut sources: Vec<(&Source, &Received)> = self.received.iter().collect();
+        sources.sort_by_key(|((vehicle, boot, run), _)| std::cmp::Reverse((*run, *boot, *vehicle)));
+        let older = sources.split_off(sources.len().min(MARKS_NEWEST));
+        let pages = older.len().div_ceil(MARKS_IN_TURN).max(1) as u64;
+        let page = usize::try_from(turn % pages).unwrap_or(0);
+        sources.extend(older.into_iter().skip(page * MARKS_IN_TURN).take(MARKS_IN_TURN));
+        sources.sort_by_key(|(source, _)| **source);
+        let mark = |((vehicle, boot, run), received): &(&Source, &Received)| HeardFrom {
             vehicle: *vehicle,
             boot: *boot,
             run: *run,
             below: received.below,
         };
-        Have { store: self.store, watermarks: self.received.iter().map(mark).collect(), closed: Vec::new() }
+        let old = closed.len().saturating_sub(CLOSED_MAX);
+        let closed = closed.iter().skip(old).copied().collect();
+        Have { store: self.store, watermarks: sources.iter().map(mark).collect(), closed }
+    }
+
+    /// Gives how many samples were not stored since there was no room.
+    pub fn refused(&self) -> u64 {
+        self.refused
+    }
+
+    /// Gives the id of the store.
+    pub fn store(&self) -> u64 {
+        self.store
     }
 
     /// Gives how many samples of a run are stored.
@@ -126,7 +184,7 @@ mod tests {
     }
 
     fn below(store: &SampleStore) -> u64 {
-        store.have().watermarks[0].below
+        store.have(&BTreeSet::new(), 0).watermarks[0].below
     }
 
     #[test]
@@ -139,5 +197,58 @@ mod tests {
         assert_eq!(store.take(&batch(&[0, 1, 2, 3, 4])), 0);
         assert_eq!(store.count(RunId(1)), 5);
         assert_eq!(store.links(RunId(1)).iter().map(|link| link.packets).sum::<u32>(), 5);
+    }
+    #[test]
+    fn a_flood_above_a_gap_is_kept_only_so_far_and_not_acknowledged() {
+        let mut store = SampleStore::new(7, 0.5, 0.0625);
+        let flood: Vec<u64> = (1..100_000).collect();
+        assert_eq!(store.take(&batch(&flood)), BEYOND_MAX);
+        assert_eq!(below(&store), 0);
+        assert_eq!(store.take(&batch(&[0])), 1, "what fills the gap is always taken");
+        assert_eq!(below(&store), BEYOND_MAX as u64 + 1);
+        assert_eq!(store.take(&batch(&flood)), 100_000 - 1 - BEYOND_MAX);
+        assert_eq!(below(&store), 100_000);
+        assert_eq!(store.count(RunId(1)), 100_000);
+    }
+
+    #[test]
+    fn more_sources_than_fit_are_told_of_in_turn_and_never_too_many() {
+        let mut store = SampleStore::new(7, 0.5, 0.0625);
+        for boot in 0..5000 {
+            for run in 0..4 {
+                store.take(&Samples { boot: Boot(boot), run: RunId(run), ..batch(&[0]) });
+            }
+        }
+        let closed: BTreeSet<RunId> = (0..2000).map(RunId).collect();
+        let mut told = BTreeSet::new();
+        for turn in 0..20 {
+            let have = store.have(&closed, turn);
+            assert_eq!((have.watermarks.len(), have.closed.len()), (2048.min(have.watermarks.len()), 1024));
+            assert_eq!(have.closed.last(), Some(&RunId(1999)));
+            let frame =
+                tomoswarm_proto::codec::encode(&tomoswarm_proto::Message::Have(have.clone())).unwrap();
+            assert!(frame.len() < 64_000, "{}", frame.len());
+            told.extend(have.watermarks.iter().map(|mark| (mark.boot, mark.run)));
+        }
+        assert_eq!(told.len(), SOURCES_MAX);
+    }
+
+    #[test]
+    fn links_are_the_same_to_the_last_bit_in_whatever_order_samples_came() {
+        let make = |order: &[u64]| {
+            let mut store = SampleStore::new(7, 0.5, 0.0625);
+            for sequence in order {
+                let mut one = batch(&[*sequence]);
+                let share = *sequence as f64 / 7.0;
+                one.samples[0].transmitter_pose.at.x_m = share.fract() * 0.3;
+                one.samples[0].receiver_pose.at.y_m = (share * 3.3).fract() * 0.3;
+                one.samples[0].rssi_dbm = Some(-60 - (*sequence % 7) as i16);
+                store.take(&one);
+            }
+            store.links(RunId(1))
+        };
+        let forward: Vec<u64> = (0..500).collect();
+        let backward: Vec<u64> = forward.iter().rev().copied().collect();
+        assert_eq!(make(&forward), make(&backward));
     }
 }

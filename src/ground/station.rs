@@ -1,37 +1,51 @@
 //! The station actor: keeps the fleet table, the merged map and the samples, and brings one sweep after
 //! another from a wish to its links.
 //!
-//! It is told messages of the vehicles, wishes of the operator, and plans; it says plans, orders, watermarks and
-//! map repairs for the bus, requests for the planner, jobs for the imager, and notes. It solves nothing and plans
-//! nothing itself.
+//! It is told messages of the vehicles and of other grounds, wishes of the operator, plans, and pictures made; it says
+//! plans, orders, watermarks, reports and map repairs for the bus, requests for the planner, jobs for the imager, notes,
+//! and what must be remembered. It solves nothing and plans nothing itself.
 //!
 //! ```text
 //!   Idle ─Sweep wished, all heard─► Stopping ─all at rest─► Planning ─plans─► Running ─every stop done─► Closing
-//!    ▲                                 ▲                                         │                       │
-//!    │                                 └─ a vehicle cannot begin, or nobody gets on┘                    │
-//!    └────────────────────────────────────────────── samples in ─────────────────────────────────────────┘
+//!    ▲                                 ▲ │ ▲                   │                 │                         │
+//!    │                   too few: waits└─┘ └───────────────────┴─────────────────┘                         │
+//!    │                                      a vehicle is lost, is back, was restarted,                     │
+//!    │                                      cannot begin, or nobody gets on                                │
+//!    └────────────────────────────────────────────── samples in ───────────────────────────────────────────┘
 //! ```
 //!
-//! An order of the operator other than Start *stands* until the operator's next Start: meanwhile whatever the
-//! phase, nothing is begun, planned or timed, and no Start is given.
+//! An order other than Start *stands* until the next Start, whoever gave it (the station sees in State what a vehicle
+//! was ordered): meanwhile whatever the phase, nothing is begun, planned or timed, and no Start is given. A Start seen
+//! in State that names a run higher than any before begins that run.
+//!
+//! Only who holds the lease speaks (`leases`): a station that listens or stands by says its Report, and keeps what it
+//! hears. `phases` brings a sweep on, `lost` says what happens when vehicles come and go, `memory` how a station is
+//! started anew, `report` what it says of itself.
 //!
 //! Deadlines: `repeat` (state is published and repeated, nobody asks and waits), `ask for or send missing tiles`.
 
+pub mod leases;
+mod lost;
+mod memory;
 mod phases;
+mod report;
+mod words;
 
+use std::collections::BTreeSet;
 use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
 use tomoswarm_proto::{
-    LayerId, Lease, Message, OrderKind, RunId, Samples, StopId, TileAddress, TileReport, VehicleId,
+    Boot, Lease, Message, OrderKind, Progress, RunId, Samples, State, StopId, TileReport, VehicleId,
 };
 
+use self::leases::{Change, Leases};
+use self::memory::Brief;
+pub use self::memory::{Memory, PictureName};
+pub use self::words::{In, Key, Note, Out, StationSettings, Wish};
 use super::fleet::Fleet;
-use super::imager::Job;
-use super::planner::{Answer, Request};
 use super::samples::SampleStore;
-use crate::actor::{Actor, Class, Fault, Input};
-use crate::geom::Lattice;
+use crate::actor::{Actor, Fault};
 use crate::map::{Merged, Repair};
 use crate::sweep::Succession;
 use crate::time::{Deadline, Time};
@@ -39,102 +53,7 @@ use crate::time::{Deadline, Time};
 /// Everything is looked at and repeated this often.
 const TICK: Duration = Duration::from_secs(1);
 
-/// What an operator wants.
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
-pub enum Wish {
-    /// Sweep the area.
-    Sweep {
-        /// Name of the run.
-        run: RunId,
-        /// The run whose links were measured with nobody inside.
-        empty: Option<RunId>,
-    },
-    /// Give every vehicle an order.
-    Order(OrderKind),
-}
-
-/// What the station can be told.
-#[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
-pub enum In {
-    /// A message of a vehicle.
-    Bus(Message),
-    /// A wish of the operator.
-    Wish(Wish),
-    /// Plans, or why there are none.
-    Planned(Answer),
-}
-
-/// What the station can say.
-#[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
-pub enum Out {
-    /// To the vehicles.
-    Publish(Message),
-    /// To the planner.
-    Ask(Request),
-    /// To the imager.
-    Reconstruct(Job),
-    /// To log and operator.
-    Note(Note),
-}
-
-/// What happened, for log and operator.
-#[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
-pub enum Note {
-    /// Plans were made.
-    Planned {
-        /// Of which run.
-        run: RunId,
-        /// Laps of the schedule.
-        laps: usize,
-        /// Stops of all vehicles.
-        stops: usize,
-    },
-    /// No plan could be made.
-    NoPlan(String),
-    /// A vehicle did not begin its plan, or nobody gets on: everyone is brought to rest and planned for anew.
-    Replans(RunId),
-    /// Nobody gets on, also after plans were made anew: the sweep cannot be ended.
-    Stalled(RunId),
-    /// All vehicles have done a lap.
-    LapDone {
-        /// Of which run.
-        run: RunId,
-        /// Laps done.
-        laps: usize,
-        /// Links measured so far.
-        links: usize,
-        /// Samples stored so far.
-        samples: u64,
-    },
-    /// All vehicles have done all stops and the samples are in.
-    RunClosed {
-        /// Which run.
-        run: RunId,
-        /// Links measured.
-        links: usize,
-        /// Samples stored.
-        samples: u64,
-    },
-}
-
-/// Who the station is, and for whom it is there.
-#[derive(Clone, Debug)]
-pub struct StationSettings {
-    /// The vehicles that it waits for.
-    pub vehicles: Vec<VehicleId>,
-    /// By which right it gives orders.
-    pub lease: Lease,
-    /// Id of the sample store.
-    pub store: u64,
-    /// The cells of the map.
-    pub lattice: Lattice,
-    /// Side of a link's end bins, metres.
-    pub bin_m: f64,
-    /// Side of what counts as one spot, metres.
-    pub spot_m: f64,
-}
-
-#[derive(Clone, Debug, Serialize, Deserialize)]
 enum Phase {
     Idle,
     Planning(Sweep),
@@ -147,10 +66,22 @@ enum Phase {
     },
 }
 
+impl Phase {
+    fn sweep(&self) -> Option<&Sweep> {
+        match self {
+            Phase::Idle => None,
+            Phase::Planning(sweep)
+            | Phase::Running(sweep, _)
+            | Phase::Stopping(sweep)
+            | Phase::Closing { sweep, .. } => Some(sweep),
+        }
+    }
+}
+
 /// Per lap still to be driven, the last stop of each vehicle.
 type Laps = Vec<Vec<(VehicleId, StopId)>>;
 
-#[derive(Clone, Copy, Debug, Serialize, Deserialize)]
+#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
 struct Sweep {
     run: RunId,
     empty: Option<RunId>,
@@ -159,45 +90,91 @@ struct Sweep {
     laps_done: usize,
 }
 
+/// A sweep to be begun: its run, and the run that it is compared with.
+type Wished = (RunId, Option<RunId>);
+
 /// The station actor.
 #[derive(Debug, Serialize, Deserialize)]
 pub struct Station {
+    boot: Boot,
+    compare_with: Option<RunId>,
+    lost_after: Duration,
+    autonomy: Duration,
+    leases: Leases,
     fleet: Fleet,
     map: Merged,
     repair: Repair,
     samples: SampleStore,
     phase: Phase,
     succession: Option<Succession>,
-    wished: Option<Wish>,
-    /// What the operator has ordered and not ended by a Start; the strongest of several.
+    wished: Option<Wished>,
+    /// The highest run that was ever wished.
+    newest_run: RunId,
+    /// What was ordered and not ended by a Start; the strongest since nothing stood.
     standing: Option<OrderKind>,
+    /// Runs that are closed.
+    closed: BTreeSet<RunId>,
+    /// The sweep that was closed or given up last.
+    last: Option<Sweep>,
     planned_at: Time,
     /// When a vehicle was last heard to have got on with its plan.
     got_on_at: Time,
     /// Whether plans were made anew because nobody got on, since a lap was done.
     stalled: bool,
+    /// Whether a vehicle has come or was started anew since everyone was brought to rest.
+    disturbed: bool,
     plans_at: Time,
     tick_at: Time,
+    /// Counts the ticks.
+    turn: u64,
+    /// Pictures made.
+    pictures: u32,
+    /// Last pictures of runs that are not made yet, and the run that each is compared with.
+    due: Vec<(PictureName, Option<RunId>)>,
+    /// Whether those pictures must be asked for again: the station was started anew.
+    due_again: bool,
+    /// Messages of vehicles that are not expected.
+    strangers: u64,
+    remembered: Option<Brief>,
 }
 
 impl Station {
     /// Makes a station that has heard nobody yet.
     pub fn new(settings: StationSettings) -> Station {
-        Station {
-            fleet: Fleet::new(&settings.vehicles, settings.lease),
+        let none = Lease { number: 0, holder: settings.holder };
+        let listening = Leases::listening(none, settings.take_over);
+        let mut station = Station {
+            boot: settings.boot,
+            compare_with: settings.compare_with,
+            lost_after: settings.lost_after,
+            autonomy: settings.autonomy,
+            leases: settings.lease.map_or(listening, Leases::held),
+            fleet: Fleet::new(&settings.vehicles, settings.lease.unwrap_or(none)),
             map: Merged::new(settings.lattice, None),
             repair: Repair::new(None),
             samples: SampleStore::new(settings.store, settings.bin_m, settings.spot_m),
             phase: Phase::Idle,
             succession: None,
             wished: None,
+            newest_run: RunId::default(),
             standing: None,
+            closed: BTreeSet::new(),
+            last: None,
             planned_at: Time::ZERO,
             got_on_at: Time::ZERO,
             stalled: false,
+            disturbed: false,
             plans_at: Time::ZERO,
             tick_at: Time::ZERO + TICK,
-        }
+            turn: 0,
+            pictures: 0,
+            due: Vec::new(),
+            due_again: false,
+            strangers: 0,
+            remembered: None,
+        };
+        station.remembered = Some(station.brief());
+        station
     }
 
     /// Gives the fleet table.
@@ -217,15 +194,8 @@ impl Station {
 
     fn hear(&mut self, now: Time, message: Message, out: &mut Vec<Out>) {
         match message {
-            Message::State(state) => self.fleet.heard_state(now, state),
-            Message::Progress(progress) => {
-                if let Some(succession) = &mut self.succession {
-                    succession.hear(&progress);
-                }
-                if self.fleet.heard_progress(progress) {
-                    self.got_on_at = now;
-                }
-            }
+            Message::State(state) => self.hear_state(now, state, out),
+            Message::Progress(progress) => self.hear_progress(now, progress, out),
             Message::Samples(batch) => self.store(&batch),
             Message::Tile(report) => self.join(now, &report),
             Message::Digest(digest) => self.repair.hear_digest(now, &self.map, &digest),
@@ -233,19 +203,64 @@ impl Station {
                 self.repair.hear_want(now, &self.map, &want);
                 self.mend(now, out);
             }
-            // Said by the ground itself, or the bus's and the radio's business.
-            Message::Plan(_)
-            | Message::Order(_)
+            Message::Report(report) => {
+                let change = self.leases.heard_report(now, report.lease);
+                self.lease_changed(now, change, out);
+            }
+            Message::Plan(plan) => {
+                let change = self.leases.heard(now, plan.lease);
+                self.lease_changed(now, change, out);
+            }
+            // What an operator orders shows in State; the rest is said by grounds, or the bus's and the radio's business.
+            Message::Order(_)
             | Message::Have(_)
             | Message::Hello(_)
             | Message::Health(_)
-            | Message::Report(_)
             | Message::Beacon(_) => {}
         }
     }
 
+    fn hear_state(&mut self, now: Time, state: State, out: &mut Vec<Out>) {
+        if !self.knows(state.vehicle) {
+            return;
+        }
+        let (vehicle, lease) = (state.vehicle, state.ordered.lease);
+        let shown = self.fleet.heard_state(now, state);
+        self.shown(vehicle, shown, out);
+        if let Some(run) = shown.started.filter(|run| *run > self.newest_run) {
+            self.want(run, self.compare_with.filter(|empty| *empty != run));
+        }
+        let change = self.leases.heard(now, lease);
+        self.lease_changed(now, change, out);
+        self.look_after_standing(now, out);
+    }
+
+    fn hear_progress(&mut self, now: Time, progress: Progress, out: &mut Vec<Out>) {
+        if !self.knows(progress.vehicle) {
+            return;
+        }
+        let shown = self.fleet.heard_progress(now, progress);
+        self.shown(progress.vehicle, shown, out);
+        if shown.got_on {
+            self.got_on_at = now;
+        }
+        let is_current = self.fleet.is_current(&progress);
+        if let Some(succession) = self.succession.as_mut().filter(|_| is_current) {
+            succession.hear(&progress);
+        }
+    }
+
+    /// Tells whether a vehicle is expected; counts it otherwise.
+    fn knows(&mut self, vehicle: VehicleId) -> bool {
+        let is_known = self.fleet.expects(vehicle);
+        self.strangers = self.strangers.saturating_add(u64::from(!is_known));
+        is_known
+    }
+
     fn store(&mut self, batch: &Samples) {
-        self.samples.take(batch);
+        if self.knows(batch.vehicle) {
+            self.samples.take(batch);
+        }
     }
 
     fn join(&mut self, now: Time, report: &TileReport) {
@@ -263,6 +278,10 @@ impl Station {
 
     fn wish(&mut self, now: Time, wish: Wish, out: &mut Vec<Out>) {
         match wish {
+            // Nobody obeys who stands by; and what was ordered now is not wanted when it leads again.
+            Wish::Order(_) if self.leases.stands_by() => {
+                out.push(Out::Note(Note::StandsBy(self.leases.highest())));
+            }
             Wish::Order(kind) => {
                 let run = self.run();
                 self.fleet.order_all(run, kind);
@@ -278,26 +297,44 @@ impl Station {
                     }
                 }
             }
-            Wish::Sweep { .. } => {
-                self.wished = Some(wish);
+            Wish::Sweep { run, empty } => {
+                self.want(run, empty);
                 self.begin(now, out);
             }
         }
     }
 
-    fn run(&self) -> RunId {
-        match &self.phase {
-            Phase::Idle => RunId::default(),
-            Phase::Planning(sweep)
-            | Phase::Running(sweep, _)
-            | Phase::Stopping(sweep)
-            | Phase::Closing { sweep, .. } => sweep.run,
+    fn want(&mut self, run: RunId, empty: Option<RunId>) {
+        self.wished = Some((run, empty));
+        self.newest_run = self.newest_run.max(run);
+    }
+
+    /// What was ordered by anyone stands, and is lifted when every vehicle has been started since.
+    fn look_after_standing(&mut self, now: Time, out: &mut Vec<Out>) {
+        if !self.leases.holds() {
+            return;
+        }
+        let stands = self.fleet.standing();
+        match self.standing {
+            Some(_) if stands.is_none() => self.go_on(now, out),
+            Some(_) | None => self.standing = self.standing.max(stands),
         }
     }
 
+    fn run(&self) -> RunId {
+        self.phase.sweep().map(|sweep| sweep.run).unwrap_or_default()
+    }
+
     fn publish_plans(&mut self, now: Time, out: &mut Vec<Out>) {
-        let plans = self.succession.iter().flat_map(Succession::plans);
-        out.extend(plans.map(|plan| Out::Publish(Message::Plan(plan.clone()))));
+        let lease = self.leases.own();
+        for plan in self.succession.iter().flat_map(Succession::plans) {
+            let seen_state = self.fleet.newest_state(plan.vehicle);
+            out.push(Out::Publish(Message::Plan(tomoswarm_proto::Plan {
+                lease,
+                seen_state,
+                ..plan.clone()
+            })));
+        }
         self.plans_at = now;
     }
 
@@ -305,14 +342,59 @@ impl Station {
         out.extend(self.fleet.open_orders().into_iter().map(|order| Out::Publish(Message::Order(order))));
     }
 
+    fn lease_changed(&mut self, now: Time, change: Option<Change>, out: &mut Vec<Out>) {
+        match change {
+            None => {}
+            Some(Change::StoodDown(lease)) => out.push(Out::Note(Note::StandsBy(lease))),
+            Some(Change::Taken(lease)) => {
+                out.push(Out::Note(Note::Leads(lease)));
+                self.fleet.set_lease(lease);
+                self.count_from(now);
+                self.publish_plans(now, out);
+            }
+        }
+    }
+
     fn tick(&mut self, now: Time, out: &mut Vec<Out>) {
+        self.turn += 1;
+        let change = self.leases.tick(now);
+        self.lease_changed(now, change, out);
+        if self.leases.holds() {
+            self.lead(now, out);
+        }
+        out.push(self.report());
+    }
+
+    /// What only the holder of the lease does.
+    fn lead(&mut self, now: Time, out: &mut Vec<Out>) {
+        self.look_after_standing(now, out);
+        self.look_after_lost(now, out);
+        self.look_after_others_plans(out);
         self.begin(now, out);
         self.publish_orders(out);
-        out.push(Out::Publish(Message::Have(self.samples.have())));
+        out.push(Out::Publish(Message::Have(self.samples.have(&self.closed, self.turn))));
         out.push(Out::Publish(Message::Digest(self.map.digest())));
         self.look_after_plans(now, out);
         self.look_after_laps(now, out);
         self.close(now, out);
+        self.ask_again_for_pictures(out);
+    }
+
+    /// Who does not hold the lease says nothing but its report, and what it remembers and notes.
+    fn be_silent(&self, first: usize, out: &mut Vec<Out>) {
+        if self.leases.holds() {
+            return;
+        }
+        let mut number = 0;
+        out.retain(|said| {
+            number += 1;
+            match said {
+                _ if number <= first => true,
+                Out::Publish(message) => matches!(message, Message::Report(_)),
+                Out::Ask(_) | Out::Reconstruct(_) => false,
+                Out::Note(_) | Out::Remember(_) => true,
+            }
+        });
     }
 }
 
@@ -321,11 +403,15 @@ impl Actor for Station {
     type Out = Out;
 
     fn handle(&mut self, now: Time, input: In, out: &mut Vec<Out>) -> Result<(), Fault> {
+        let first = out.len();
         match input {
             In::Bus(message) => self.hear(now, message, out),
             In::Wish(wish) => self.wish(now, wish, out),
             In::Planned(answer) => self.planned(now, answer, out),
+            In::Pictured(name) => self.pictured(name),
         }
+        self.be_silent(first, out);
+        self.remember(first, out);
         Ok(())
     }
 
@@ -336,55 +422,19 @@ impl Actor for Station {
     }
 
     fn wake(&mut self, now: Time, out: &mut Vec<Out>) -> Result<(), Fault> {
+        let first = out.len();
         if self.tick_at <= now {
             self.tick_at = now + TICK;
             self.tick(now, out);
         }
         self.mend(now, out);
+        self.be_silent(first, out);
+        self.remember(first, out);
         Ok(())
     }
 }
 
-/// Which inputs replace unread ones.
-#[derive(Clone, Copy, PartialEq, Eq, Debug)]
-pub enum Key {
-    /// The state of one vehicle.
-    State(VehicleId),
-    /// The progress of one vehicle.
-    Progress(VehicleId),
-    /// A tile of a layer.
-    Tile(LayerId, TileAddress),
-}
-
-impl Input for In {
-    type Key = Key;
-
-    fn class(&self) -> Class<Key> {
-        match self {
-            In::Bus(Message::State(state)) => Class::Latest(Key::State(state.vehicle)),
-            In::Bus(Message::Progress(progress)) => Class::Latest(Key::Progress(progress.vehicle)),
-            In::Bus(Message::Tile(report)) => Class::Latest(Key::Tile(report.layer, report.address)),
-            In::Bus(_) | In::Wish(_) | In::Planned(_) => Class::Queue,
-        }
-    }
-
-    fn join(unread: In, newer: In) -> In {
-        match (unread, newer) {
-            (In::Bus(Message::State(unread)), In::Bus(Message::State(newer)))
-                if (unread.boot, unread.sequence) > (newer.boot, newer.sequence) =>
-            {
-                In::Bus(Message::State(unread))
-            }
-            // Tiles may overtake each other: the higher revision stays.
-            (In::Bus(Message::Tile(unread)), In::Bus(Message::Tile(newer)))
-                if unread.revision > newer.revision =>
-            {
-                In::Bus(Message::Tile(unread))
-            }
-            (_, newer) => newer,
-        }
-    }
-}
-
+#[cfg(test)]
+mod swarm;
 #[cfg(test)]
 mod tests;

@@ -67,7 +67,13 @@ mod tests {
         let mut mapper = Mapper::new(layer(1), 0);
         (0..12).for_each(|turn| scanned(&mut map, &mut mapper, 30.0 * f64::from(turn)));
         let address = TileAddress { slice: 0, x: 0, y: -1 };
-        map.join(&TileReport { layer: layer(2), address, revision: 0, cells: std::sync::Arc::new([-9; TILE_CELLS]) }).unwrap();
+        map.join(&TileReport {
+            layer: layer(2),
+            address,
+            revision: 0,
+            cells: std::sync::Arc::new([-9; TILE_CELLS]),
+        })
+        .unwrap();
         let mut read: Merged = codec::unpack(&codec::pack(&map).unwrap()).unwrap();
         assert_eq!(read, map);
         let mut mapper_read: Mapper = codec::unpack(&codec::pack(&mapper).unwrap()).unwrap();

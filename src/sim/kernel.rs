@@ -392,6 +392,8 @@ impl Kernel {
             match effect {
                 ground::Effect::Publish(message) => self.publish(NodeId::Ground, &message),
                 ground::Effect::Picture(picture) => self.picture(picture),
+                // A simulated ground station is never started anew from its memory.
+                ground::Effect::Remember(_) => {}
                 ground::Effect::Note(note) => self.ground_note(&note),
             }
         }
@@ -411,7 +413,14 @@ impl Kernel {
             GroundNote::RunClosed { .. }
             | GroundNote::NoPlan(_)
             | GroundNote::Stalled(_)
-            | GroundNote::Replans(_) => {}
+            | GroundNote::Replans(_)
+            | GroundNote::Waits(_)
+            | GroundNote::Lost(_)
+            | GroundNote::Found(_)
+            | GroundNote::Restarted(_)
+            | GroundNote::Leads(_)
+            | GroundNote::StandsBy(_)
+            | GroundNote::Overtaken(_) => {}
         }
         let next = self.script.hear(note);
         self.follow(next);

@@ -127,7 +127,18 @@ impl Script {
             GroundNote::Stalled(run) => {
                 Next::Fail(format!("sweep {run} cannot be ended: no vehicle gets on"))
             }
-            GroundNote::Planned { .. } | GroundNote::LapDone { .. } | GroundNote::Replans(_) => Next::Nothing,
+            GroundNote::Overtaken(run) => {
+                Next::Fail(format!("sweep {run} was given up: vehicles follow a higher one"))
+            }
+            GroundNote::Planned { .. }
+            | GroundNote::LapDone { .. }
+            | GroundNote::Replans(_)
+            | GroundNote::Waits(_)
+            | GroundNote::Lost(_)
+            | GroundNote::Found(_)
+            | GroundNote::Restarted(_)
+            | GroundNote::Leads(_)
+            | GroundNote::StandsBy(_) => Next::Nothing,
         }
     }
 

@@ -9,7 +9,8 @@
 //! only then is it known from where the next real revision must start. A run begins with one too,
 //! since a vehicle adopts no stops before an empty revision: so answer the restart of a vehicle (Hello
 //! with another boot) with [`Succession::stop`] and a new plan. The plans of the current revision are
-//! repeated, every 5 s, by the caller.
+//! repeated, every 5 s, by the caller, who also fills in by whose right they are given. Members that are dropped or taken
+//! up again ([`Succession::set_members`]) are so from the next empty revision on.
 
 use std::collections::BTreeSet;
 
@@ -32,7 +33,7 @@ pub enum Phase {
 }
 
 /// Numbers the revisions of a run and remembers the plans to repeat.
-#[derive(Clone, Debug, Serialize, Deserialize)]
+#[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
 pub struct Succession {
     run: RunId,
     members: Vec<VehicleId>,
@@ -58,6 +59,32 @@ impl Succession {
     /// Gives the members, ascending.
     pub fn members(&self) -> &[VehicleId] {
         &self.members
+    }
+
+    /// Gives the run.
+    pub fn run(&self) -> RunId {
+        self.run
+    }
+
+    /// Gives the current revision.
+    pub fn revision(&self) -> Revision {
+        self.revision
+    }
+
+    /// Plans for these vehicles from the next revision on, which must be an empty one.
+    pub fn set_members(&mut self, members: &[VehicleId]) {
+        let ascending: BTreeSet<VehicleId> = members.iter().copied().collect();
+        self.members = ascending.into_iter().collect();
+    }
+
+    /// Goes on above `highest`, when a vehicle shows a revision that this succession has not given.
+    pub fn skip_to(&mut self, highest: Revision) {
+        self.revision = self.revision.max(highest);
+    }
+
+    /// Forgets who reports the current revision: after a restart of the ground it is heard again.
+    pub fn forget_reports(&mut self) {
+        self.reported.clear();
     }
 
     /// Gives the revision that the next plans will have.
@@ -144,6 +171,23 @@ mod tests {
     fn report(vehicle: u8, revision: u32) -> Progress {
         let (run, revision) = (RunId(4), Revision(revision));
         Progress { vehicle: VehicleId(vehicle), run, revision, ..Progress::default() }
+    }
+
+    #[test]
+    fn a_dropped_member_is_neither_waited_for_nor_planned_for() {
+        let mut ground = Succession::new(RunId(4), &[VehicleId(1), VehicleId(2), VehicleId(3)], Revision(0));
+        ground.stop();
+        ground.set_members(&[VehicleId(3), VehicleId(1)]);
+        let plans = ground.stop().to_vec();
+        assert_eq!(plans.iter().map(|plan| plan.vehicle.0).collect::<Vec<_>>(), [1, 3]);
+        assert!(plans.iter().all(|plan| plan.members == [VehicleId(1), VehicleId(3)]));
+        ground.hear(&report(2, 2));
+        ground.hear(&report(1, 2));
+        assert_eq!(ground.phase(), Phase::Stopping);
+        ground.hear(&report(3, 2));
+        assert_eq!(ground.phase(), Phase::Stopped);
+        ground.skip_to(Revision(7));
+        assert_eq!((ground.next_revision(), ground.revision()), (Revision(8), Revision(7)));
     }
 
     #[test]

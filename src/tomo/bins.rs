@@ -54,13 +54,38 @@ fn shifted(square: u64, by: (i32, i32)) -> u64 {
     packed(unbiased(square).saturating_add(by.0), unbiased(square >> 32).saturating_add(by.1))
 }
 
+/// Units of [`PlaceSum`] in a metre: 2^40, so that scaling is exact and rounding is below a picometre.
+const UNITS_PER_M: f64 = 1_099_511_627_776.0;
+
+/// The sum of places in whole units, so that it is the same in whatever order they come.
+#[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
+struct PlaceSum {
+    x: i128,
+    y: i128,
+}
+
+impl PlaceSum {
+    fn add(&mut self, place: Point, times: u32) {
+        // A float becomes the nearest whole number that fits, so no place overflows.
+        let units =
+            |metres: f64| (libm::round(metres * UNITS_PER_M) as i128).saturating_mul(i128::from(times));
+        self.x = self.x.saturating_add(units(place.x_m));
+        self.y = self.y.saturating_add(units(place.y_m));
+    }
+
+    fn mean(&self, count: u32) -> Point {
+        let metres = |units: i128| units as f64 / UNITS_PER_M / f64::from(count);
+        Point::new(metres(self.x), metres(self.y))
+    }
+}
+
 /// Running sums of one bin pair.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 struct Bin {
     records: u32,
     packets: u32,
-    from_sum_m: (f64, f64),
-    to_sum_m: (f64, f64),
+    from_sum: PlaceSum,
+    to_sum: PlaceSum,
     rssi_sum_dbm: f64,
     rssi_square_sum: f64,
     spots: Vec<u16>,
@@ -131,8 +156,8 @@ impl LinkBins {
 impl Bin {
     fn add(&mut self, from: Point, to: Point, rssi_dbm: Option<i16>, spot: u16) {
         self.records = self.records.saturating_add(1);
-        self.from_sum_m = (self.from_sum_m.0 + from.x_m, self.from_sum_m.1 + from.y_m);
-        self.to_sum_m = (self.to_sum_m.0 + to.x_m, self.to_sum_m.1 + to.y_m);
+        self.from_sum.add(from, 1);
+        self.to_sum.add(to, 1);
         let Some(rssi_dbm) = rssi_dbm.map(f64::from) else {
             return;
         };
@@ -147,9 +172,8 @@ impl Bin {
     fn add_link(&mut self, from: Point, to: Point, link: &Link, spot: u16) {
         let (records, packets) = (link.packets.saturating_add(link.misses), f64::from(link.packets));
         self.records = self.records.saturating_add(records);
-        let share = f64::from(records);
-        self.from_sum_m = (self.from_sum_m.0 + share * from.x_m, self.from_sum_m.1 + share * from.y_m);
-        self.to_sum_m = (self.to_sum_m.0 + share * to.x_m, self.to_sum_m.1 + share * to.y_m);
+        self.from_sum.add(from, records);
+        self.to_sum.add(to, records);
         if link.packets == 0 {
             return;
         }
@@ -163,13 +187,13 @@ impl Bin {
     }
 
     fn link(&self) -> Link {
-        let (records, packets) = (f64::from(self.records), f64::from(self.packets));
+        let packets = f64::from(self.packets);
         let mean_dbm = self.rssi_sum_dbm / packets;
         let variance = (self.rssi_square_sum / packets - mean_dbm * mean_dbm).max(0.0);
         let unbiased = if self.packets > 1 { variance * packets / (packets - 1.0) } else { 0.0 };
         Link {
-            from: Point::new(self.from_sum_m.0 / records, self.from_sum_m.1 / records),
-            to: Point::new(self.to_sum_m.0 / records, self.to_sum_m.1 / records),
+            from: self.from_sum.mean(self.records),
+            to: self.to_sum.mean(self.records),
             packets: self.packets,
             spots: (self.spots.len() as u32).saturating_add(self.further_spots).clamp(1, MOST_SPOTS as u32),
             misses: self.records - self.packets,

@@ -152,6 +152,11 @@ impl Imager {
         &self.settings
     }
 
+    /// Forgets the last solution: the next one depends on its links alone, to the last bit.
+    pub fn forget(&mut self) {
+        self.last.clear();
+    }
+
     /// Reconstructs from all links so far.
     ///
     /// # Errors

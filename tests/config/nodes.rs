@@ -5,7 +5,7 @@ use std::time::Duration;
 use tomoswarm::config::{self, Config, GroundFile, Safety, VehicleFile, bundled};
 use tomoswarm::ground::from_config::ground_parts;
 use tomoswarm::node::Settings;
-use tomoswarm_proto::{Boot, Lease, RunId, VehicleId};
+use tomoswarm_proto::{Boot, RunId, VehicleId};
 
 const VEHICLE: &str = "\
 kind = \"vehicle\"
@@ -155,9 +155,8 @@ radio.sensitivity_dbm = -92
 
 #[test]
 fn a_ground_station_is_made_of_its_file() {
-    let lease = Lease { number: 4, holder: 9 };
-    let parts = ground_parts(&ground(GROUND), lease, 77).unwrap();
-    assert_eq!((parts.station.lease, parts.station.store), (lease, 77));
+    let parts = ground_parts(&ground(GROUND), Boot(4), 9, 77).unwrap();
+    assert_eq!((parts.station.lease, parts.station.holder, parts.station.store), (None, 9, 77));
     assert_eq!(parts.station.vehicles, [VehicleId(1), VehicleId(2), VehicleId(3)]);
     assert_eq!(parts.station.bin_m, 0.5);
 }

@@ -8,9 +8,9 @@ use tomoswarm_proto::{OrderKind, Progress, RunId, StopId, VehicleId};
 use super::super::fleet::Member;
 use super::super::imager::{Job, Subject};
 use super::super::planner::{Answer, Request};
-use super::{Note, Out, Phase, Station, Sweep, Wish};
+use super::{Note, Out, Phase, PictureName, Station, Sweep};
 use crate::geom::Point;
-use crate::sweep::{self, Succession};
+use crate::sweep::Succession;
 use crate::time::Time;
 
 /// Plans are repeated this often until every vehicle shows them.
@@ -29,18 +29,22 @@ const CLOSING_MAX: Duration = Duration::from_secs(60);
 impl Station {
     /// Begins a wished sweep once every vehicle has been heard and none is under way.
     pub(super) fn begin(&mut self, now: Time, out: &mut Vec<Out>) {
-        let is_free = matches!(self.phase, Phase::Idle) && self.standing.is_none();
+        let is_free = matches!(self.phase, Phase::Idle) && self.standing.is_none() && self.leases.holds();
         if !is_free || !self.fleet.is_complete() {
             return;
         }
-        let Some(Wish::Sweep { run, empty }) = self.wished.take() else { return };
+        let Some((run, empty)) = self.wished.take() else { return };
+        self.closed.remove(&run);
         let highest = self.fleet.highest_revision(run);
-        self.succession = Some(Succession::new(run, &self.fleet.ids(), highest));
+        self.succession = Some(Succession::new(run, &self.fleet.present(), highest));
         self.rest(now, Sweep { run, empty, laps_before: 0, laps_done: 0 }, out);
     }
 
-    /// The operator's Start: what was held goes on; who was sent elsewhere is planned for anew from there.
+    /// A Start for everyone: what was held goes on; who was sent elsewhere is planned for anew from there.
     pub(super) fn go_on(&mut self, now: Time, out: &mut Vec<Out>) {
+        if !self.leases.holds() {
+            return;
+        }
         let stood = self.standing.take();
         self.planned_at = now;
         match (stood, &self.phase) {
@@ -58,13 +62,35 @@ impl Station {
     /// Brings everyone to rest by an empty revision, before plans are made from where they rest.
     fn rest(&mut self, now: Time, sweep: Sweep, out: &mut Vec<Out>) {
         if let Some(succession) = &mut self.succession {
+            succession.set_members(&self.fleet.present());
             succession.stop();
         }
         self.fleet.order_all(sweep.run, OrderKind::Start);
         self.phase = Phase::Stopping(sweep);
-        self.planned_at = now;
+        (self.planned_at, self.disturbed) = (now, false);
         self.publish_plans(now, out);
         self.publish_orders(out);
+        if self.waits_for_more() {
+            out.push(Out::Note(Note::Waits(sweep.run)));
+        }
+    }
+
+    /// Somebody follows plans that this station has not given: they are outnumbered, or the sweep is given up when
+    /// they belong to a higher run, which vehicles prefer.
+    pub(super) fn look_after_others_plans(&mut self, out: &mut Vec<Out>) {
+        let is_driven = matches!(self.phase, Phase::Planning(_) | Phase::Running(..) | Phase::Stopping(_));
+        let Some(sweep) = self.phase.sweep().copied().filter(|_| is_driven) else { return };
+        if self.fleet.highest_run() > sweep.run {
+            out.push(Out::Note(Note::Overtaken(sweep.run)));
+            self.last = Some(sweep);
+            self.phase = Phase::Idle;
+            return;
+        }
+        let highest = self.fleet.highest_revision(sweep.run);
+        if let Some(succession) = self.succession.as_mut().filter(|known| known.revision() < highest) {
+            succession.skip_to(highest);
+            self.disturbed = true;
+        }
     }
 
     /// Asks for plans from where the vehicles rest now.
@@ -74,15 +100,21 @@ impl Station {
             let (_, state) = member.state.as_ref()?;
             Some((id, Point::from(state.pose.at)))
         };
-        let places = self.fleet.members().filter_map(place).collect();
+        let present = |(_, member): &(VehicleId, &Member)| !member.dealings.is_lost;
+        let places = self.fleet.members().filter(present).filter_map(place).collect();
         let (run, revision, first_lap) = (sweep.run, succession.next_revision(), sweep.laps_done);
         out.push(Out::Ask(Request { run, revision, places, first_lap }));
         self.phase = Phase::Planning(Sweep { laps_before: sweep.laps_done, ..sweep });
     }
 
     pub(super) fn planned(&mut self, now: Time, answer: Answer, out: &mut Vec<Out>) {
+        // Somebody may have come, gone or been restarted meanwhile; then everyone is stopped first.
+        let is_wanted = self.leases.holds() && !self.must_rest();
         let (Phase::Planning(sweep), Some(succession)) = (&self.phase, &mut self.succession) else { return };
         let sweep = *sweep;
+        if !is_wanted || (answer.run, answer.revision) != (sweep.run, succession.next_revision()) {
+            return;
+        }
         let begun = answer.plans.and_then(|plans| {
             let stops = plans.iter().map(|plan| plan.stops.len()).sum();
             succession.begin(plans).map(|_| stops).map_err(|error| error.to_string())
@@ -90,6 +122,7 @@ impl Station {
         match begun {
             Err(reason) => {
                 out.push(Out::Note(Note::NoPlan(reason)));
+                self.last = Some(sweep);
                 self.phase = Phase::Idle;
             }
             Ok(stops) => {
@@ -108,6 +141,13 @@ impl Station {
         let shown = succession.missing().next().is_none();
         let is_free = self.standing.is_none();
         match &self.phase {
+            Phase::Planning(sweep) | Phase::Running(sweep, _) | Phase::Stopping(sweep)
+                if is_free && self.must_rest() =>
+            {
+                let sweep = *sweep;
+                out.push(Out::Note(Note::Replans(sweep.run)));
+                self.rest(now, sweep, out);
+            }
             Phase::Running(sweep, _) if is_free && !shown && now.since(self.planned_at) > ADOPTED_WITHIN => {
                 let sweep = *sweep;
                 out.push(Out::Note(Note::Replans(sweep.run)));
@@ -119,11 +159,13 @@ impl Station {
                 let sweep = *sweep;
                 self.stall(now, sweep, out);
             }
-            Phase::Stopping(sweep) if is_free && succession.phase() == sweep::Phase::Stopped => {
+            Phase::Stopping(sweep) if is_free && self.may_plan(now) => {
                 let sweep = *sweep;
                 self.ask(sweep, out);
             }
-            Phase::Stopping(sweep) if is_free && now.since(self.planned_at) > STALLED_AFTER => {
+            Phase::Stopping(sweep)
+                if is_free && !self.waits_for_more() && now.since(self.planned_at) > STALLED_AFTER =>
+            {
                 let sweep = *sweep;
                 self.stall(now, sweep, out);
             }
@@ -149,6 +191,7 @@ impl Station {
         out.push(Out::Note(Note::Stalled(sweep.run)));
         self.fleet.order_all(sweep.run, OrderKind::Hold);
         self.publish_orders(out);
+        self.last = Some(sweep);
         self.phase = Phase::Idle;
     }
 
@@ -190,7 +233,8 @@ impl Station {
 
     fn change(&self, sweep: Sweep, now: Vec<crate::tomo::Link>, empty: RunId) -> Job {
         let empty = self.samples.links(empty);
-        Job { run: sweep.run, laps: sweep.laps_done, subject: Subject::Change, now, empty }
+        let subject = Subject::Change;
+        Job { run: sweep.run, laps: sweep.laps_done, subject, now, empty, is_last: false }
     }
 
     pub(super) fn close(&mut self, now: Time, out: &mut Vec<Out>) {
@@ -199,21 +243,40 @@ impl Station {
         if waited < CLOSING || (self.samples.has_gaps(sweep.run) && waited < CLOSING_MAX) {
             return;
         }
-        let links = self.samples.links(sweep.run);
-        let (run, samples) = (sweep.run, self.samples.count(sweep.run));
-        out.push(Out::Note(Note::RunClosed { run, links: links.len(), samples }));
-        if let Some(empty) = sweep.empty {
-            out.push(Out::Reconstruct(self.change(sweep, links.clone(), empty)));
+        let links = self.samples.links(sweep.run).len();
+        let (run, samples, laps) = (sweep.run, self.samples.count(sweep.run), sweep.laps_done);
+        out.push(Out::Note(Note::RunClosed { run, links, samples }));
+        let subjects = sweep.empty.map(|_| Subject::Change).into_iter().chain([Subject::Structure]);
+        for subject in subjects {
+            let due = (PictureName { run, laps, subject }, sweep.empty);
+            out.push(Out::Reconstruct(self.last_job(due)));
+            self.due.push(due);
         }
-        let subject = Subject::Structure;
-        out.push(Out::Reconstruct(Job {
-            run,
-            laps: sweep.laps_done,
-            subject,
-            now: links,
-            empty: Vec::new(),
-        }));
+        self.closed.insert(run);
+        self.last = Some(sweep);
         self.phase = Phase::Idle;
         self.begin(now, out);
+    }
+
+    /// The last picture of a run and a subject, from all its samples.
+    fn last_job(&self, (name, empty): (PictureName, Option<RunId>)) -> Job {
+        let PictureName { run, laps, subject } = name;
+        let empty = match subject {
+            Subject::Change => empty.map(|empty| self.samples.links(empty)).unwrap_or_default(),
+            Subject::Structure => Vec::new(),
+        };
+        Job { run, laps, subject, now: self.samples.links(run), empty, is_last: true }
+    }
+
+    pub(super) fn pictured(&mut self, made: PictureName) {
+        self.pictures = self.pictures.saturating_add(1);
+        self.due.retain(|(name, _)| *name != made);
+    }
+
+    /// After a restart, the pictures that were due are asked for once more.
+    pub(super) fn ask_again_for_pictures(&mut self, out: &mut Vec<Out>) {
+        if std::mem::take(&mut self.due_again) {
+            out.extend(self.due.iter().map(|due| Out::Reconstruct(self.last_job(*due))));
+        }
     }
 }

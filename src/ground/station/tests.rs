@@ -1,21 +1,37 @@
 //! How the station brings a wish to its end, and what it does when nobody gets on.
 
+use std::time::Duration;
+
 use tomoswarm_proto::{Boot, Mode, Plan, Position, Progress, Revision, State, Stop};
 
 use super::*;
+use crate::geom::Lattice;
+use crate::ground::planner::Answer;
 
 const RUN: RunId = RunId(2);
 const ONE: VehicleId = VehicleId(1);
 
-fn station() -> Station {
-    Station::new(StationSettings {
+const LEASE: Lease = Lease { number: 1, holder: 1 };
+
+fn settings() -> StationSettings {
+    StationSettings {
         vehicles: vec![ONE],
-        lease: Lease { number: 1, holder: 1 },
+        lease: Some(LEASE),
+        holder: 1,
+        take_over: false,
+        boot: Boot(1),
+        compare_with: Some(RunId(1)),
+        lost_after: Duration::from_secs(30),
+        autonomy: Duration::from_secs(60),
         store: 7,
         lattice: Lattice::new(0.2),
         bin_m: 0.5,
         spot_m: 0.06,
-    })
+    }
+}
+
+fn station() -> Station {
+    Station::new(settings())
 }
 
 fn told(station: &mut Station, time_s: f64, input: In) -> Vec<Out> {
@@ -41,11 +57,12 @@ fn state() -> In {
 
 fn progress(revision: u32, done: Option<u32>) -> In {
     let (revision, done) = (Revision(revision), done.map(StopId));
-    In::Bus(Message::Progress(Progress { vehicle: ONE, run: RUN, revision, done, ..Progress::default() }))
+    let boot = Boot(1);
+    In::Bus(Message::Progress(Progress { vehicle: ONE, boot, run: RUN, revision, done, leg: None }))
 }
 
 /// Plans of two stops for every request, as the planner would make them.
-fn answer() -> In {
+fn answer(revision: u32) -> In {
     let stop = |id| Stop {
         id: StopId(id),
         at: Position::default(),
@@ -58,7 +75,8 @@ fn answer() -> In {
     let stops = vec![stop(1), stop(2)];
     let (members, start) = (vec![ONE], Position::default());
     let plan = Plan { vehicle: ONE, run: RUN, members, start, stops, ..Plan::default() };
-    In::Planned(Answer { run: RUN, plans: Ok(vec![plan]), laps: vec![vec![(ONE, StopId(2))]] })
+    let (revision, laps) = (Revision(revision), vec![vec![(ONE, StopId(2))]]);
+    In::Planned(Answer { run: RUN, revision, plans: Ok(vec![plan]), laps })
 }
 
 /// Ticks until something is noted; when, and what.
@@ -69,7 +87,7 @@ fn next_note(station: &mut Station, within_s: f64) -> Option<Note> {
         station.wake(deadline.at, &mut out).unwrap();
         let note = out.drain(..).find_map(|out| match out {
             Out::Note(note) => Some(note),
-            Out::Publish(_) | Out::Ask(_) | Out::Reconstruct(_) => None,
+            Out::Publish(_) | Out::Ask(_) | Out::Reconstruct(_) | Out::Remember(_) => None,
         });
         if note.is_some() {
             return note;
@@ -95,14 +113,15 @@ fn begin(station: &mut Station, empty: u32) {
     told(station, now_s, progress(empty, None));
     station.wake(Time::from_secs_f64(now_s + 1.0), &mut out).unwrap();
     assert!(out.iter().any(|out| matches!(out, Out::Ask(_))), "{out:?}");
-    told(station, now_s + 1.5, answer());
+    told(station, now_s + 1.5, answer(empty + 1));
     told(station, now_s + 1.6, progress(empty + 1, None));
 }
 
 #[test]
 fn a_wish_waits_for_everybody_and_begins_with_a_stop() {
     let mut station = station();
-    assert!(told(&mut station, 0.1, In::Wish(Wish::Sweep { run: RUN, empty: None })).is_empty());
+    let out = told(&mut station, 0.1, In::Wish(Wish::Sweep { run: RUN, empty: None }));
+    assert!(matches!(out[..], [Out::Remember(_)]), "{out:?}");
     told(&mut station, 0.2, state());
     let mut out = Vec::new();
     station.wake(Time::from_secs_f64(1.0), &mut out).unwrap();
@@ -212,7 +231,7 @@ fn after_a_return_everyone_is_planned_for_anew_and_after_a_hold_the_plan_goes_on
 fn what_was_done_under_another_revision_is_no_lap() {
     let mut station = running();
     told(&mut station, 10.0, progress(1, Some(2)));
-    station.fleet = Fleet::new(&[ONE], Lease { number: 1, holder: 1 });
+    station.fleet = Fleet::new(&[ONE], LEASE);
     told(&mut station, 10.0, state());
     told(&mut station, 10.0, progress(1, Some(2)));
     assert_eq!(next_note(&mut station, 60.0), None);

@@ -1,0 +1,207 @@
+//! Who may speak for the ground: the greatest lease wins, a live holder is not displaced unless that is asked for.
+//!
+//! ```text
+//!   Listening ─2 s, nobody else holds one─► Holding ─a greater lease is heard─► StandingBy
+//!       └───── another ground lives ───────────────────────────────────────────►  │
+//!                                             ▲                                   │
+//!                                             └── no other ground for 10 s ───────┘
+//! ```
+//!
+//! A lease is taken above the highest number heard, so that vehicles that echo an older one obey the new holder. A
+//! lease in an echo is no sign of life of its holder; only its Report is.
+
+use std::time::Duration;
+
+use serde::{Deserialize, Serialize};
+use tomoswarm_proto::Lease;
+
+use crate::time::Time;
+
+/// Echoes and reports are listened to for so long before a lease is taken.
+const LISTEN: Duration = Duration::from_secs(2);
+/// Another ground lives when its report came within this time.
+const LIVES: Duration = Duration::from_secs(5);
+/// Who stands by takes over when the other one has been silent for so long.
+const SILENT: Duration = Duration::from_secs(10);
+
+#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
+enum Right {
+    /// Since when, once anything was looked at.
+    Listening(Option<Time>),
+    Holding,
+    StandingBy(Time),
+}
+
+/// What has changed.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub enum Change {
+    /// This lease is held from now on.
+    Taken(Lease),
+    /// Somebody else holds a greater one: this one.
+    StoodDown(Lease),
+}
+
+/// The own right to give orders, and what is known of others'.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct Leases {
+    own: Lease,
+    highest: Lease,
+    /// The newest report of another ground, and its lease.
+    other: Option<(Time, Lease)>,
+    right: Right,
+    take_over: bool,
+}
+
+impl Leases {
+    /// Holds a lease from the start.
+    pub fn held(lease: Lease) -> Leases {
+        Leases { own: lease, highest: lease, other: None, right: Right::Holding, take_over: false }
+    }
+
+    /// Listens first. `last` is the lease held before (number 0 = none) and names the holder; with `take_over` a live
+    /// holder is displaced, once.
+    pub fn listening(last: Lease, take_over: bool) -> Leases {
+        Leases { own: last, highest: last, other: None, right: Right::Listening(None), take_over }
+    }
+
+    /// Tells whether orders and plans may be given.
+    pub fn holds(&self) -> bool {
+        self.right == Right::Holding
+    }
+
+    /// Tells whether another ground is waited for.
+    pub fn stands_by(&self) -> bool {
+        matches!(self.right, Right::StandingBy(_))
+    }
+
+    /// Gives the lease held now, or held last (number 0 = none yet).
+    pub fn own(&self) -> Lease {
+        self.own
+    }
+
+    /// Gives the greatest lease heard.
+    pub fn highest(&self) -> Lease {
+        self.highest
+    }
+
+    /// Takes a lease echoed by a vehicle or carried by a plan.
+    pub fn heard(&mut self, now: Time, lease: Lease) -> Option<Change> {
+        self.highest = self.highest.max(lease);
+        if !self.holds() || lease <= self.own {
+            return None;
+        }
+        self.right = Right::StandingBy(now);
+        Some(Change::StoodDown(lease))
+    }
+
+    /// Takes the lease of a ground's report; one without a lease, and the own, says nothing.
+    pub fn heard_report(&mut self, now: Time, lease: Lease) -> Option<Change> {
+        if lease.number == 0 || lease.holder == self.own.holder {
+            return None;
+        }
+        if lease >= self.own || !self.holds() {
+            self.other = Some((now, lease));
+        }
+        self.heard(now, lease)
+    }
+
+    /// Looks whether a lease can be taken now.
+    pub fn tick(&mut self, now: Time) -> Option<Change> {
+        let lives = |within| self.other.filter(|(at, lease)| *lease >= self.own && now.since(*at) < within);
+        match self.right {
+            Right::Holding => None,
+            Right::Listening(None) => {
+                self.right = Right::Listening(Some(now));
+                None
+            }
+            Right::Listening(Some(since)) if now.since(since) < LISTEN => None,
+            Right::Listening(Some(_)) => match lives(LIVES).filter(|_| !self.take_over) {
+                None => Some(self.take()),
+                Some((at, lease)) => {
+                    self.right = Right::StandingBy(at);
+                    Some(Change::StoodDown(lease))
+                }
+            },
+            Right::StandingBy(since) if now.since(since) < SILENT || lives(SILENT).is_some() => None,
+            Right::StandingBy(_) => Some(self.take()),
+        }
+    }
+
+    fn take(&mut self) -> Change {
+        let number = self.highest.number.max(self.own.number).saturating_add(1);
+        self.own = Lease { number, ..self.own };
+        self.highest = self.own;
+        (self.right, self.take_over, self.other) = (Right::Holding, false, None);
+        Change::Taken(self.own)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const fn lease(number: u32, holder: u64) -> Lease {
+        Lease { number, holder }
+    }
+
+    fn at(seconds: u64) -> Time {
+        Time::ZERO + Duration::from_secs(seconds)
+    }
+
+    /// Ticks once a second; gives what changed first, and when.
+    fn first_change(leases: &mut Leases, from_s: u64, until_s: u64) -> Option<(u64, Change)> {
+        (from_s..until_s).find_map(|second| Some((second, leases.tick(at(second))?)))
+    }
+
+    #[test]
+    fn who_is_alone_takes_a_lease_above_every_echo() {
+        let mut leases = Leases::listening(lease(0, 7), false);
+        assert!(!leases.holds());
+        leases.heard(at(0), lease(4, 1));
+        assert_eq!(first_change(&mut leases, 0, 9), Some((2, Change::Taken(lease(5, 7)))));
+        assert!(leases.holds());
+    }
+
+    #[test]
+    fn a_live_holder_is_not_displaced_and_a_dead_one_is() {
+        let mut leases = Leases::listening(lease(0, 7), false);
+        for second in 0..20 {
+            leases.heard_report(at(second), lease(4, 1));
+            let changed = leases.tick(at(second));
+            assert_eq!(changed, (second == 2).then_some(Change::StoodDown(lease(4, 1))), "{second}");
+        }
+        assert_eq!(first_change(&mut leases, 20, 99), Some((29, Change::Taken(lease(5, 7)))));
+    }
+
+    #[test]
+    fn who_shall_take_over_does_so_once() {
+        let mut leases = Leases::listening(lease(0, 7), true);
+        leases.heard_report(at(0), lease(4, 1));
+        assert_eq!(first_change(&mut leases, 0, 9), Some((2, Change::Taken(lease(5, 7)))));
+        assert_eq!(leases.heard_report(at(3), lease(4, 1)), None);
+        assert_eq!(leases.heard_report(at(4), lease(6, 1)), Some(Change::StoodDown(lease(6, 1))));
+        leases.heard_report(at(8), lease(6, 1));
+        assert_eq!(first_change(&mut leases, 8, 18), None);
+    }
+
+    #[test]
+    fn of_two_that_take_the_same_number_one_stands_down() {
+        let (mut one, mut two) = (Leases::held(lease(3, 1)), Leases::held(lease(3, 2)));
+        assert_eq!(one.heard_report(at(1), two.own()), None);
+        assert_eq!(two.heard_report(at(1), one.own()), Some(Change::StoodDown(lease(3, 1))));
+    }
+
+    #[test]
+    fn a_greater_lease_in_an_echo_alone_is_outlived() {
+        let mut leases = Leases::held(lease(3, 1));
+        assert_eq!(leases.heard(at(5), lease(8, 2)), Some(Change::StoodDown(lease(8, 2))));
+        assert_eq!(first_change(&mut leases, 5, 99), Some((15, Change::Taken(lease(9, 1)))));
+    }
+
+    #[test]
+    fn others_that_stand_by_themselves_hold_nobody_up() {
+        let mut leases = Leases::listening(lease(0, 7), false);
+        leases.heard_report(at(0), Lease::default());
+        assert!(matches!(first_change(&mut leases, 0, 9), Some((2, Change::Taken(_)))));
+    }
+}

@@ -1,0 +1,178 @@
+//! What the station is told and says, and who it is: words only, no decisions.
+
+use std::time::Duration;
+
+use serde::{Deserialize, Serialize};
+use tomoswarm_proto::{Boot, LayerId, Lease, Message, OrderKind, RunId, TileAddress, VehicleId};
+
+use super::super::imager::Job;
+use super::super::planner::{Answer, Request};
+use super::memory::{Memory, PictureName};
+use crate::actor::{Class, Input};
+use crate::geom::Lattice;
+
+/// What an operator wants.
+#[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
+pub enum Wish {
+    /// Sweep the area.
+    Sweep {
+        /// Name of the run.
+        run: RunId,
+        /// The run whose links were measured with nobody inside.
+        empty: Option<RunId>,
+    },
+    /// Give every vehicle an order.
+    Order(OrderKind),
+}
+
+/// What the station can be told.
+#[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
+pub enum In {
+    /// A message of a vehicle, or of another ground.
+    Bus(Message),
+    /// A wish of the operator.
+    Wish(Wish),
+    /// Plans, or why there are none.
+    Planned(Answer),
+    /// A picture was made.
+    Pictured(PictureName),
+}
+
+/// What the station can say.
+#[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
+pub enum Out {
+    /// To the vehicles.
+    Publish(Message),
+    /// To the planner.
+    Ask(Request),
+    /// To the imager.
+    Reconstruct(Job),
+    /// To log and operator.
+    Note(Note),
+    /// To be stored before anything that follows is published: what a station that is started anew needs.
+    Remember(Box<Memory>),
+}
+
+/// What happened, for log and operator.
+#[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
+pub enum Note {
+    /// Plans were made.
+    Planned {
+        /// Of which run.
+        run: RunId,
+        /// Laps of the schedule.
+        laps: usize,
+        /// Stops of all vehicles.
+        stops: usize,
+    },
+    /// No plan could be made.
+    NoPlan(String),
+    /// A vehicle did not begin its plan, or nobody gets on: everyone is brought to rest and planned for anew.
+    Replans(RunId),
+    /// Too few vehicles are left for the sweep: it goes on when one is back.
+    Waits(RunId),
+    /// A vehicle has been silent for too long while others were heard.
+    Lost(VehicleId),
+    /// A lost vehicle is heard again.
+    Found(VehicleId),
+    /// A vehicle's software was started anew.
+    Restarted(VehicleId),
+    /// Orders and plans are given by this right from now on.
+    Leads(Lease),
+    /// Another ground gives the orders, by this right.
+    StandsBy(Lease),
+    /// Vehicles follow plans of a higher run, by another ground: the sweep is given up.
+    Overtaken(RunId),
+    /// Nobody gets on, also after plans were made anew: the sweep cannot be ended.
+    Stalled(RunId),
+    /// All vehicles have done a lap.
+    LapDone {
+        /// Of which run.
+        run: RunId,
+        /// Laps done.
+        laps: usize,
+        /// Links measured so far.
+        links: usize,
+        /// Samples stored so far.
+        samples: u64,
+    },
+    /// All vehicles have done all stops and the samples are in.
+    RunClosed {
+        /// Which run.
+        run: RunId,
+        /// Links measured.
+        links: usize,
+        /// Samples stored.
+        samples: u64,
+    },
+}
+
+/// Who the station is, and for whom it is there.
+#[derive(Clone, Debug)]
+pub struct StationSettings {
+    /// The vehicles that it waits for; others are passed over.
+    pub vehicles: Vec<VehicleId>,
+    /// By which right it gives orders from the start; `None` = it listens first, and takes one above the highest heard.
+    pub lease: Option<Lease>,
+    /// Its random id as the holder of a lease.
+    pub holder: u64,
+    /// Whether a live ground that holds a lease is displaced.
+    pub take_over: bool,
+    /// Start of its software.
+    pub boot: Boot,
+    /// The run measured with nobody inside, with which runs begun by an operator's order are compared.
+    pub compare_with: Option<RunId>,
+    /// A vehicle is lost when it has been silent for so long while others were heard.
+    pub lost_after: Duration,
+    /// A vehicle without a bus carries on under its plan for so long.
+    pub autonomy: Duration,
+    /// Id of the sample store.
+    pub store: u64,
+    /// The cells of the map.
+    pub lattice: Lattice,
+    /// Side of a link's end bins, metres.
+    pub bin_m: f64,
+    /// Side of what counts as one spot, metres.
+    pub spot_m: f64,
+}
+
+/// Which inputs replace unread ones.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub enum Key {
+    /// The state of one vehicle.
+    State(VehicleId),
+    /// The progress of one vehicle.
+    Progress(VehicleId),
+    /// A tile of a layer.
+    Tile(LayerId, TileAddress),
+}
+
+impl Input for In {
+    type Key = Key;
+
+    fn class(&self) -> Class<Key> {
+        match self {
+            In::Bus(Message::State(state)) => Class::Latest(Key::State(state.vehicle)),
+            In::Bus(Message::Progress(progress)) => Class::Latest(Key::Progress(progress.vehicle)),
+            In::Bus(Message::Tile(report)) => Class::Latest(Key::Tile(report.layer, report.address)),
+            In::Bus(_) | In::Wish(_) | In::Planned(_) | In::Pictured(_) => Class::Queue,
+        }
+    }
+
+    fn join(unread: In, newer: In) -> In {
+        match (unread, newer) {
+            (In::Bus(Message::State(unread)), In::Bus(Message::State(newer)))
+                if (unread.boot, unread.sequence) > (newer.boot, newer.sequence) =>
+            {
+                In::Bus(Message::State(unread))
+            }
+            // Tiles may overtake each other: the higher revision stays.
+            (In::Bus(Message::Tile(unread)), In::Bus(Message::Tile(newer)))
+                if unread.revision > newer.revision =>
+            {
+                In::Bus(Message::Tile(unread))
+            }
+            (_, newer) => newer,
+        }
+    }
+}
