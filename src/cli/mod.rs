@@ -7,6 +7,10 @@ mod answer;
 pub mod check;
 mod describe;
 mod describe_nodes;
+#[cfg(feature = "net")]
+pub mod enroll;
+#[cfg(feature = "net")]
+mod enroll_files;
 pub mod error;
 mod folder;
 pub mod image;
@@ -52,6 +56,8 @@ enum Command {
     Image(image::ImageCommand),
     Plan(plan::PlanArgs),
     Check(check::CheckArgs),
+    #[cfg(feature = "net")]
+    Enroll(enroll::EnrollArgs),
 }
 
 /// Runs the program as the command line says, and gives its exit code.
@@ -70,6 +76,8 @@ pub fn run() -> ExitCode {
         Command::Image(image) => image.run(&mut answer),
         Command::Plan(plan) => plan.run(&mut answer),
         Command::Check(check) => check.run(&mut answer),
+        #[cfg(feature = "net")]
+        Command::Enroll(enroll) => enroll.run(&mut answer),
     };
     match result {
         Ok(()) => ExitCode::SUCCESS,

@@ -4,3 +4,5 @@
 //! zenoh. Everything here is the imperative shell, so clocks, threads, files and sockets are allowed.
 
 #![allow(clippy::disallowed_methods, reason = "the shell reads clocks, starts threads and waits")]
+
+pub mod trust;
