@@ -7,6 +7,10 @@ mod answer;
 pub mod check;
 mod describe;
 mod describe_nodes;
+#[cfg(feature = "net")]
+pub mod enroll;
+#[cfg(feature = "net")]
+mod enroll_files;
 pub mod error;
 mod folder;
 pub mod image;
@@ -62,6 +66,8 @@ enum Command {
     Vehicle(vehicle::VehicleArgs),
     #[cfg(feature = "net")]
     World(world::WorldArgs),
+    #[cfg(feature = "net")]
+    Enroll(enroll::EnrollArgs),
 }
 
 /// Runs the program as the command line says, and gives its exit code.
@@ -84,6 +90,8 @@ pub fn run() -> ExitCode {
         Command::Vehicle(vehicle) => vehicle.run(&mut answer),
         #[cfg(feature = "net")]
         Command::World(world) => world.run(&mut answer),
+        #[cfg(feature = "net")]
+        Command::Enroll(enroll) => enroll.run(&mut answer),
     };
     match result {
         Ok(()) => ExitCode::SUCCESS,

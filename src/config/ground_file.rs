@@ -123,7 +123,9 @@ fn read_vehicles(root: &Section) -> Vec<VehicleId> {
         numbers.filter(|number| VEHICLE_IDS.contains(number)).filter_map(id).collect();
     vehicles.sort();
     vehicles.dedup();
-    if vehicles.is_empty() || vehicles.len() != list.len() {
+    // The list of a swarm whose vehicles are not enrolled yet is empty; a value that is no list is not.
+    let is_list = root.list("vehicles").is_some();
+    if !is_list || vehicles.len() != list.len() {
         root.refuse("vehicles", "is no such list", rule);
         return Vec::new();
     }

@@ -31,7 +31,7 @@ use section::Section;
 use source::Source;
 
 pub use bus_file::{BusFile, Identity, Topology};
-pub use endpoint::{Endpoint, EndpointError, Protocol};
+pub use endpoint::{Endpoint, EndpointError, Protocol, is_host};
 pub use ground_file::{GroundFile, OperatorFile};
 pub use mission::{Durations, End, Imaging, Planner, Prior, Solver, Sweep, Weights};
 pub use problem::{Problem, Problems};

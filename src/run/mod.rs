@@ -19,6 +19,7 @@ pub mod process;
 pub mod restarts;
 pub mod state_dir;
 pub mod subjects;
+pub mod trust;
 pub mod vehicle;
 pub mod vehicle_process;
 pub mod world;

@@ -1,0 +1,116 @@
+//! The configuration that `enroll` writes for a node: ready to be checked and started. Decides nothing about trust.
+
+use tomoswarm_proto::{Sender, VehicleId};
+
+use crate::config::{Endpoint, Protocol, Topology};
+
+/// What the configuration of an enrolled node depends on.
+#[derive(Clone, Debug)]
+pub struct NodeConfig {
+    /// The node.
+    pub node: Sender,
+    /// How the swarm is joined.
+    pub topology: Topology,
+    /// Host under which the ground station is reached.
+    pub ground_host: String,
+    /// Port of the ground station, and of the vehicles of a mesh.
+    pub port: u16,
+    /// Whether other machines are to reach this node.
+    pub is_reached: bool,
+    /// The folder that outlives the node.
+    pub state_dir: String,
+    /// The vehicles that are enrolled.
+    pub vehicles: Vec<VehicleId>,
+}
+
+/// Gives the name of a node's configuration.
+pub fn file_name(node: Sender) -> &'static str {
+    match node {
+        Sender::Ground => "ground.toml",
+        Sender::Vehicle(_) => "vehicle.toml",
+        Sender::Operator => "operator.toml",
+    }
+}
+
+/// Gives the line of a ground station's configuration that lists its vehicles.
+pub fn vehicles_line(vehicles: &[VehicleId]) -> String {
+    let ids: Vec<String> = vehicles.iter().map(ToString::to_string).collect();
+    format!("vehicles = [{}]\n", ids.join(", "))
+}
+
+impl NodeConfig {
+    /// Gives the text of the configuration.
+    pub fn text(&self) -> String {
+        let head = "# Written by tomoswarm enroll; `tomoswarm check` prints what is left out.\n";
+        let state = format!("state_dir = {}\n", quoted(&self.state_dir));
+        let own = match self.node {
+            Sender::Ground => {
+                format!("kind = \"ground\"\nvenue = \"venue.toml\"\n{}{state}", vehicles_line(&self.vehicles))
+            }
+            Sender::Vehicle(id) => {
+                format!("kind = \"vehicle\"\nvenue = \"venue.toml\"\nid = {id}\n{state}{DRIVERS}")
+            }
+            Sender::Operator => "kind = \"operator\"\nvenue = \"venue.toml\"\n".to_owned(),
+        };
+        format!("{head}{own}\n{}", self.bus())
+    }
+
+    fn bus(&self) -> String {
+        let topology = match self.topology {
+            Topology::Mesh => "mesh",
+            Topology::Star => "star",
+        };
+        let mut text = format!("[bus]\ntopology = \"{topology}\"\n");
+        if self.node == Sender::Ground || self.topology == Topology::Mesh {
+            text += &format!("listen = [{}]\n", quoted(&self.listen().to_string()));
+        }
+        if self.node != Sender::Ground {
+            let (host, port) = (self.ground_host.clone(), self.port);
+            let ground = Endpoint { protocol: Protocol::Tls, host, port };
+            text += &format!("connect = [{}]\n", quoted(&ground.to_string()));
+        }
+        text + "ca = \"ca.pem\"\ncertificate = \"certificate.pem\"\nkey = \"key.pem\"\nroster = \"roster.txt\"\n"
+    }
+
+    /// Gives where the node listens: on its own machine, unless others are to reach it.
+    fn listen(&self) -> Endpoint {
+        let host = if self.is_reached { "0.0.0.0" } else { "127.0.0.1" };
+        // Several nodes of one machine cannot all have the same port.
+        let is_fixed = match self.node {
+            Sender::Ground => true,
+            Sender::Vehicle(_) => self.is_reached,
+            Sender::Operator => false,
+        };
+        let port = if is_fixed { self.port } else { 0 };
+        Endpoint { protocol: Protocol::Tls, host: host.to_owned(), port }
+    }
+}
+
+/// Gives a text as TOML writes it.
+fn quoted(text: &str) -> String {
+    let mut quoted = String::from("\"");
+    for c in text.chars() {
+        match c {
+            '"' | '\\' => quoted.extend(['\\', c]),
+            c if c.is_control() => quoted += &format!("\\u{:04X}", u32::from(c)),
+            c => quoted.push(c),
+        }
+    }
+    quoted.push('"');
+    quoted
+}
+
+const DRIVERS: &str = "
+# Only simulated drivers are built today; the word is the world's.
+[autopilot]
+driver = \"sim\"
+[range]
+driver = \"sim\"
+[servo]
+driver = \"sim\"
+[radio]
+driver = \"sim\"
+[world]
+connect = \"127.0.0.1:7500\"
+token = \"choose-a-word\"
+";
