@@ -3,3 +3,10 @@
 //! Nothing here decides; it writes what it is handed, and gives it back after a restart.
 
 #![allow(clippy::disallowed_methods, reason = "the shell reads clocks and writes files")]
+
+mod error;
+pub mod ground;
+pub mod outbox;
+mod sample_row;
+
+pub use error::StoreError;
