@@ -7,6 +7,8 @@ mod answer;
 pub mod check;
 mod describe;
 pub mod error;
+#[cfg(feature = "net")]
+pub mod export;
 mod folder;
 pub mod image;
 mod load;
@@ -51,6 +53,8 @@ enum Command {
     Image(image::ImageCommand),
     Plan(plan::PlanArgs),
     Check(check::CheckArgs),
+    #[cfg(feature = "net")]
+    Export(export::ExportArgs),
 }
 
 /// Runs the program as the command line says, and gives its exit code.
@@ -69,6 +73,8 @@ pub fn run() -> ExitCode {
         Command::Image(image) => image.run(&mut answer),
         Command::Plan(plan) => plan.run(&mut answer),
         Command::Check(check) => check.run(&mut answer),
+        #[cfg(feature = "net")]
+        Command::Export(export) => export.run(&mut answer),
     };
     match result {
         Ok(()) => ExitCode::SUCCESS,

@@ -5,6 +5,7 @@
 #![allow(clippy::disallowed_methods, reason = "the shell reads clocks and writes files")]
 
 mod error;
+pub mod export;
 pub mod ground;
 pub mod outbox;
 mod sample_row;

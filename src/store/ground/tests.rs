@@ -307,3 +307,36 @@ fn a_process_that_is_killed_has_lost_and_doubled_nothing_that_it_had_acknowledge
     }
     assert!(acknowledged > 0);
 }
+
+/// Gives the SQL examples of the documentation.
+fn documented_queries() -> Vec<String> {
+    let page = include_str!("../../../docs/store.md");
+    let blocks = page.split("```sql\n").skip(1).map(|rest| rest.split("```").next().unwrap().to_owned());
+    blocks.collect()
+}
+
+#[test]
+fn the_documented_queries_run() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut store = make(&path_in(&folder));
+    store.take(&[batch(9, 1, 0..5), batch(9, 1, 8..9)]).unwrap();
+    store.keep_picture(&picture(3)).unwrap();
+    let answers: Vec<Vec<String>> = documented_queries()
+        .iter()
+        .map(|query| {
+            let mut statement = store.connection.prepare(query).unwrap();
+            let columns = statement.column_count();
+            let cell = |row: &rusqlite::Row, index| format!("{:?}", row.get_ref(index).unwrap());
+            let line = |row: &rusqlite::Row| {
+                Ok((0..columns).map(|index| cell(row, index)).collect::<Vec<_>>().join(" "))
+            };
+            statement.query_map([], line).unwrap().map(Result::unwrap).collect()
+        })
+        .collect();
+    assert_eq!(answers.len(), 4);
+    assert_eq!(answers[0].len(), 2);
+    assert!(answers[0][0].starts_with("Integer(1) Integer(1) Integer(2000) Integer(667) Real(-61.0)"));
+    assert_eq!(answers[1], ["Integer(9) Integer(4) Integer(1) Integer(3)"]);
+    assert_eq!(answers[2].len(), 1);
+    assert!(answers[3][0].ends_with("Real(0.3) Real(1.1) Real(2.0)"), "{:?}", answers[3]);
+}
