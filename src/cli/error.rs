@@ -56,6 +56,10 @@ pub enum CliError {
         /// Why.
         source: io::Error,
     },
+    /// A store cannot be opened, read or written.
+    #[cfg(feature = "net")]
+    #[error(transparent)]
+    Store(#[from] crate::store::StoreError),
     /// The mission did not reach its end.
     #[error("the mission failed: {0}")]
     Mission(String),
@@ -74,6 +78,8 @@ impl CliError {
     pub fn exit_code(&self) -> u8 {
         match self {
             CliError::Mission(_) | CliError::Fault(_) => 1,
+            #[cfg(feature = "net")]
+            CliError::Store(_) => 2,
             CliError::Usage(_)
             | CliError::Config(_)
             | CliError::Read { .. }

@@ -27,7 +27,7 @@ pub struct OutputFolder {
     made: Vec<PathBuf>,
     names: Vec<String>,
     /// Names that belong to a run, whether this one writes them or not.
-    family: &'static [&'static str],
+    family: Vec<String>,
     /// Held for its lock.
     _lock: File,
 }
@@ -51,7 +51,16 @@ impl OutputFolder {
             remove_empty(&made);
         }
         let (stage, lock) = opened.map_err(fail)?;
+        let family = family.iter().map(|name| (*name).to_owned()).collect();
         Ok(OutputFolder { target: target.to_owned(), stage, made, names: Vec::new(), family, _lock: lock })
+    }
+
+    /// Adds to the names that belong to a run those files in the folder whose names a test tells to be ours.
+    #[cfg(feature = "net")]
+    pub fn claim(&mut self, is_ours: impl Fn(&str) -> bool) {
+        let entries = fs::read_dir(&self.target).into_iter().flatten().flatten();
+        let names = entries.filter_map(|entry| entry.file_name().into_string().ok());
+        self.family.extend(names.filter(|name| is_ours(name)));
     }
 
     /// Writes a file, not yet visible.
@@ -81,7 +90,7 @@ impl OutputFolder {
             let path = self.target.join(name);
             fs::rename(self.stage.join(name), &path).map_err(|source| fail(&path, source))?;
         }
-        let older = self.family.iter().filter(|name| !self.names.iter().any(|new| new == **name));
+        let older = self.family.iter().filter(|name| !self.names.contains(*name));
         for path in older.map(|name| self.target.join(name)).filter(|path| path.exists()) {
             fs::remove_file(&path).map_err(|source| fail(&path, source))?;
         }

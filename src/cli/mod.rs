@@ -12,6 +12,8 @@ pub mod enroll;
 #[cfg(feature = "net")]
 mod enroll_files;
 pub mod error;
+#[cfg(feature = "net")]
+pub mod export;
 mod folder;
 pub mod image;
 mod load;
@@ -68,6 +70,7 @@ enum Command {
     World(world::WorldArgs),
     #[cfg(feature = "net")]
     Enroll(enroll::EnrollArgs),
+    Export(export::ExportArgs),
 }
 
 /// Runs the program as the command line says, and gives its exit code.
@@ -92,6 +95,7 @@ pub fn run() -> ExitCode {
         Command::World(world) => world.run(&mut answer),
         #[cfg(feature = "net")]
         Command::Enroll(enroll) => enroll.run(&mut answer),
+        Command::Export(export) => export.run(&mut answer),
     };
     match result {
         Ok(()) => ExitCode::SUCCESS,

@@ -2,9 +2,10 @@
 
 use super::error::CliError;
 use super::folder::OutputFolder;
+use crate::config::Venue;
 use crate::draw::{CellState, HeatMap, OccupancyMap, Overlay, Picture};
 use crate::geom::{Cell, Point};
-use crate::map::{CellRect, Occupancy};
+use crate::map::{CellRect, Merged, Occupancy};
 use crate::sim::{Outcome, Scenario};
 use crate::tomo::{Image, Reconstruction};
 
@@ -28,7 +29,7 @@ pub fn write_pictures(
     folder.write("map.png", &map(scenario, outcome)?)
 }
 
-fn drawn(result: Result<Vec<u8>, crate::draw::DrawError>) -> Result<Vec<u8>, CliError> {
+pub(super) fn drawn(result: Result<Vec<u8>, crate::draw::DrawError>) -> Result<Vec<u8>, CliError> {
     result.map_err(|error| CliError::Fault(error.to_string()))
 }
 
@@ -70,14 +71,26 @@ fn tracks(outcome: &Outcome) -> Vec<Overlay> {
         .collect()
 }
 
-fn map(scenario: &Scenario, outcome: &Outcome) -> Result<Vec<u8>, CliError> {
-    let venue = &scenario.sim().venue;
-    let lattice = outcome.map.lattice();
-    let known = outcome.map.extent(0);
+/// The cells of a map as a picture shows them.
+pub(super) struct ShownCells {
+    /// The south-west corner of the first cell.
+    pub origin: Point,
+    /// Cells from west to east.
+    pub columns: usize,
+    /// Cells from south to north.
+    pub rows: usize,
+    /// Row-major, rows from south to north.
+    pub cells: Vec<CellState>,
+}
+
+/// Gives the cells of a map's lowest slice within the fence of a venue.
+pub(super) fn shown_cells(map: &Merged, venue: &Venue) -> ShownCells {
+    let lattice = map.lattice();
+    let known = map.extent(0);
     let fence = CellRect::around(lattice, venue.fence.corners(), 0.5);
     let area = fence.into_iter().chain(known.filter(|_| fence.is_none())).next();
     let area = area.unwrap_or(CellRect::covering(lattice, venue.area));
-    let view = outcome.map.view(0, area);
+    let view = map.view(0, area);
     let (columns, rows) = (area.width_cells() as usize, area.height_cells() as usize);
     let mut cells = Vec::with_capacity(columns * rows);
     for y in area.low.y..=area.high.y {
@@ -89,6 +102,15 @@ fn map(scenario: &Scenario, outcome: &Outcome) -> Result<Vec<u8>, CliError> {
             });
         }
     }
+    let middle = lattice.centre(area.low);
+    let origin = Point::new(middle.x_m - lattice.cell_m() / 2.0, middle.y_m - lattice.cell_m() / 2.0);
+    ShownCells { origin, columns, rows, cells }
+}
+
+fn map(scenario: &Scenario, outcome: &Outcome) -> Result<Vec<u8>, CliError> {
+    let venue = &scenario.sim().venue;
+    let cell_m = outcome.map.lattice().cell_m();
+    let ShownCells { origin, columns, rows, cells } = shown_cells(&outcome.map, venue);
     let mut overlays =
         vec![Overlay::Fence { polygon: venue.fence.clone() }, Overlay::Area { rect: venue.area }];
     overlays.extend(tracks(outcome));
@@ -103,9 +125,6 @@ fn map(scenario: &Scenario, outcome: &Outcome) -> Result<Vec<u8>, CliError> {
         Some(Overlay::Dot { at: *points.last()?, label: Some(vehicle.to_string()) })
     }));
     let title = "What the range sensors saw".to_owned();
-    let middle = lattice.centre(area.low);
-    let origin = Point::new(middle.x_m - lattice.cell_m() / 2.0, middle.y_m - lattice.cell_m() / 2.0);
-    let cell_m = lattice.cell_m();
     drawn(Picture::occupancy(&OccupancyMap { title, origin, cell_m, columns, rows, cells: &cells, overlays }))
 }
 

@@ -67,6 +67,8 @@ fn named(path: &Path) -> Result<String, String> {
         CliError::Read { source, .. } => source.to_string(),
         CliError::Input { reason, .. } => reason,
         CliError::Line { line, reason, .. } => format!("line {line}: {reason}"),
+        #[cfg(feature = "net")]
+        CliError::Store(_) => error.to_string(),
         CliError::Usage(_)
         | CliError::Config(_)
         | CliError::Several(_)

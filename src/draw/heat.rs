@@ -16,7 +16,7 @@ use super::legend::{Entry, Legend, Sample};
 use super::overlay::Overlay;
 use super::raster::Picture;
 use super::text::{SMALL, width_px, write};
-use super::{DrawError, axes, paint};
+use super::{DrawError, Placement, axes, paint};
 
 const PAD_PX: u32 = 14;
 
@@ -41,6 +41,25 @@ pub struct HeatMap<'a> {
     pub range: Option<(f64, f64)>,
 }
 
+impl HeatMap<'_> {
+    /// Gives where the picture lies.
+    ///
+    /// # Errors
+    /// [`DrawError::AreaNotFinite`].
+    pub fn placement(&self) -> Result<Placement, DrawError> {
+        let bar = Bar::new(self.values, self.range, self.unit);
+        self.layout(&bar, &self.legend()).map(|layout| layout.placement())
+    }
+
+    fn legend(&self) -> Legend {
+        Legend::new(not_finite_entry(self.values), &self.overlays)
+    }
+
+    fn layout(&self, bar: &Bar, legend: &Legend) -> Result<Layout, DrawError> {
+        Layout::new(self.grid.area, &self.overlays, bar.side_px(), legend)
+    }
+}
+
 impl Picture {
     /// Draws a heat map and gives it as PNG bytes, north up.
     ///
@@ -52,8 +71,8 @@ impl Picture {
             return Err(DrawError::ValueCount { columns, rows, got: map.values.len() });
         }
         let bar = Bar::new(map.values, map.range, map.unit);
-        let legend = Legend::new(not_finite_entry(map.values), &map.overlays);
-        let layout = Layout::new(area, &map.overlays, bar.side_px(), &legend)?;
+        let legend = map.legend();
+        let layout = map.layout(&bar, &legend)?;
         let mut picture = Picture::new(layout.size, PAPER);
         picture.fill(layout.plot, DARK.ground);
         let colours = ColourMap::new();

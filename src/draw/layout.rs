@@ -6,6 +6,7 @@ use embedded_graphics::primitives::Rectangle;
 use crate::geom::{Point, Rect};
 
 use super::DrawError;
+use super::Placement;
 use super::legend::Legend;
 use super::overlay::Overlay;
 use super::stroke::At;
@@ -69,6 +70,14 @@ impl Layout {
         let legend_top = TOP_PX + shown.height + axis_px;
         let size = Size::new(width, legend_top + legend.height_px(width - 2 * PAD_PX) + PAD_PX);
         Ok(Layout { view, plot, size, x_ticks, y_ticks, legend_top: legend_top as i32, scale_px_per_m })
+    }
+
+    /// Gives where the whole picture lies in the plane.
+    pub(super) fn placement(&self) -> Placement {
+        let metres_per_px = 1.0 / self.scale_px_per_m;
+        let x_m = self.view.min.x_m - f64::from(self.plot.top_left.x) * metres_per_px;
+        let y_m = self.view.max.y_m + f64::from(self.plot.top_left.y) * metres_per_px;
+        Placement { corner: Point::new(x_m, y_m), metres_per_px }
     }
 
     /// Gives the place in the picture of a point of the plane.

@@ -27,10 +27,21 @@ mod tests;
 
 use thiserror::Error;
 
+use crate::geom::Point;
+
 pub use heat::HeatMap;
 pub use occupancy::{CellState, OccupancyMap};
 pub use overlay::Overlay;
 pub use raster::Picture;
+
+/// Where a picture, margins and all, lies in the plane that it shows.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub struct Placement {
+    /// The upper left corner of its first pixel, metres.
+    pub corner: Point,
+    /// Side of a pixel, metres; rows of pixels run against y.
+    pub metres_per_px: f64,
+}
 
 /// Why a picture could not be made.
 #[derive(Clone, PartialEq, Debug, Error)]

@@ -16,7 +16,7 @@ use super::layout::Layout;
 use super::legend::{Entry, Legend, Sample};
 use super::overlay::Overlay;
 use super::raster::Picture;
-use super::{DrawError, axes, paint};
+use super::{DrawError, Placement, axes, paint};
 
 const PAD_PX: u32 = 14;
 
@@ -74,6 +74,23 @@ impl OccupancyMap<'_> {
         let end = Point::new(x_m + self.columns as f64 * self.cell_m, y_m + self.rows as f64 * self.cell_m);
         Rect { min: self.origin, max: end }
     }
+
+    fn legend(&self) -> Legend {
+        let states = [CellState::Free, CellState::Unknown, CellState::Occupied];
+        let entry = |state: CellState| Entry {
+            sample: Sample::Fill(state.colour()),
+            text: state.legend_text().to_string(),
+        };
+        Legend::new(states.map(entry).to_vec(), &self.overlays)
+    }
+
+    /// Gives where the picture lies.
+    ///
+    /// # Errors
+    /// [`DrawError::AreaNotFinite`].
+    pub fn placement(&self) -> Result<Placement, DrawError> {
+        Layout::new(self.area(), &self.overlays, PAD_PX, &self.legend()).map(|layout| layout.placement())
+    }
 }
 
 impl Picture {
@@ -90,12 +107,7 @@ impl Picture {
         if columns.checked_mul(rows) != Some(map.cells.len()) {
             return Err(DrawError::ValueCount { columns, rows, got: map.cells.len() });
         }
-        let states = [CellState::Free, CellState::Unknown, CellState::Occupied];
-        let entry = |state: CellState| Entry {
-            sample: Sample::Fill(state.colour()),
-            text: state.legend_text().to_string(),
-        };
-        let legend = Legend::new(states.map(entry).to_vec(), &map.overlays);
+        let legend = map.legend();
         let layout = Layout::new(map.area(), &map.overlays, PAD_PX, &legend)?;
         let mut picture = Picture::new(layout.size, PAPER);
         picture.fill(layout.plot, LIGHT.ground);

@@ -5,3 +5,10 @@
 #![allow(clippy::disallowed_methods, reason = "the shell reads clocks and writes files")]
 
 pub mod recording;
+mod error;
+pub mod export;
+pub mod ground;
+pub mod outbox;
+mod sample_row;
+
+pub use error::StoreError;

@@ -1,0 +1,411 @@
+//! `tomoswarm export`: writes what a store holds as files for other programs. Changes nothing in the store, which may be in
+//! use by a ground station.
+
+use std::io::Write;
+use std::path::PathBuf;
+
+use serde_json::json;
+use tomoswarm_proto::{RunId, VehicleId};
+
+use super::error::CliError;
+use super::folder::OutputFolder;
+use super::pictures::{ShownCells, drawn, shown_cells};
+use super::recording::links_csv;
+use crate::config::{self, Config, Venue};
+use crate::draw::{HeatMap, OccupancyMap, Overlay, Picture, Placement};
+use crate::geom::{Lattice, Point};
+use crate::map::Merged;
+use crate::store::export::{
+    Features, SAMPLES_HEADER, extend_track, plane_of, sample_line, utc_text, world_file,
+};
+use crate::store::ground::{GroundStore, Provenance, StoredImage, StoredRun, StoredSample};
+use crate::tomo::{Image, LinkBins, Peak, npy_bytes};
+
+/// The names of the files that are not of one run.
+const FAMILY: &[&str] = &["map.png", "map.pgw", "venue.toml", "swarm.geojson", "export.json"];
+
+/// Write what a ground station's store holds: CSV, NPY, PNG with world files, GeoJSON.
+///
+/// The store is only read, also while a ground station writes it.
+#[derive(clap::Args, Debug)]
+#[command(after_help = AFTER_HELP)]
+pub struct ExportArgs {
+    /// The store: the file that `tomoswarm ground` writes
+    #[arg(value_name = "STORE")]
+    pub store: PathBuf,
+    /// The folder for the files; those of an earlier export are replaced, others are left alone
+    #[arg(long, value_name = "FOLDER")]
+    pub out: PathBuf,
+    /// Only this run [default: all runs]
+    #[arg(long, value_name = "N")]
+    pub run: Option<u32>,
+}
+
+const AFTER_HELP: &str = "\
+Files, N being the run:
+  run-N-samples.csv    every beacon heard or missed, with UTC and its error where known
+  run-N-links.csv      pooled links, as `tomoswarm image` reads them
+  run-N-KIND.npy .png  the newest picture of each kind: change (since the empty sweep) or structure
+  map.png              what the range sensors saw
+  *.pgw                world files: where a picture lies, degrees (WGS84, EPSG:4326)
+  swarm.geojson        area, fence, homes, peaks, tracks (WGS84)
+  venue.toml           the venue, as the ground station read it
+  export.json          where the data come from: versions, starts, runs, the operator's notes
+
+Examples:
+  tomoswarm export swarm.db --out data
+  tomoswarm export swarm.db --out data --run 2
+  tomoswarm image data/run-2-links.csv --empty data/run-1-links.csv --png again.png
+
+Exit codes: 0 done; 2 bad usage, no store, or a folder that cannot be written.";
+
+impl ExportArgs {
+    /// Reads the store, writes all files and prints what was written.
+    ///
+    /// # Errors
+    /// The store cannot be read, the run is not in it, or the folder cannot be written; nothing is written then.
+    pub fn run(&self, out: &mut dyn Write) -> Result<(), CliError> {
+        let store = GroundStore::open_to_read(&self.store)?;
+        let runs = self.chosen(store.runs()?)?;
+        let starts = store.provenance()?;
+        let (venue, venue_text) = self.venue(&starts)?;
+        let mut folder = OutputFolder::prepare(&self.out, FAMILY)?;
+        folder.claim(is_of_a_run);
+        let mut features = Features::of_venue(&venue);
+        let mut tracks = Vec::new();
+        let mut lines = String::new();
+        for run in &runs {
+            let samples = write_run(&mut folder, &store, run.run, &mut features, &mut tracks)?;
+            let images = write_images(&mut folder, &store, run.run, &venue, &mut features)?;
+            lines += &format!("run {}: {samples} samples, {images} pictures\n", run.run);
+        }
+        write_map(&mut folder, &store, &venue, tracks)?;
+        folder.write("swarm.geojson", features.text().as_bytes())?;
+        folder.write("venue.toml", venue_text.as_bytes())?;
+        folder.write("export.json", about(&store, &runs, &starts).as_bytes())?;
+        let target = folder.publish()?;
+        lines += &format!("written to {}\n", target.display());
+        let written = out.write_all(lines.as_bytes()).and_then(|()| out.flush());
+        written.map_err(|source| CliError::Write { path: "standard output".into(), source })
+    }
+
+    fn chosen(&self, runs: Vec<StoredRun>) -> Result<Vec<StoredRun>, CliError> {
+        let Some(wanted) = self.run else { return Ok(runs) };
+        let known: Vec<String> = runs.iter().map(|run| run.run.to_string()).collect();
+        let chosen: Vec<StoredRun> = runs.into_iter().filter(|run| run.run == RunId(wanted)).collect();
+        if chosen.is_empty() {
+            let known =
+                if known.is_empty() { "no runs".to_owned() } else { format!("runs {}", known.join(", ")) };
+            let reason = format!("holds no run {wanted}; it holds {known}");
+            return Err(CliError::Input { path: self.store.clone(), reason });
+        }
+        Ok(chosen)
+    }
+
+    /// Gives the venue as the ground station read it last.
+    fn venue(&self, starts: &[Provenance]) -> Result<(Venue, String), CliError> {
+        let wrong = |reason: &str| CliError::Input { path: self.store.clone(), reason: reason.to_owned() };
+        let text = &starts.first().ok_or_else(|| wrong("holds no venue"))?.venue;
+        let name = format!("the venue in {}", self.store.display());
+        let mut no_files = |_: &str| Err("a venue names no other files".to_owned());
+        match config::read(&name, text, &mut no_files)? {
+            Config::Venue(venue) => Ok((venue, text.clone())),
+            Config::Scene(_) | Config::Sim(_) => {
+                Err(wrong("holds another kind of file in place of its venue"))
+            }
+        }
+    }
+}
+
+/// Tells whether a name is that of a file of one run.
+fn is_of_a_run(name: &str) -> bool {
+    let Some((number, kind)) = name.strip_prefix("run-").and_then(|rest| rest.split_once('-')) else {
+        return false;
+    };
+    let is_kind = |stem: &str| matches!(stem, "change" | "structure");
+    let is_picture = kind
+        .rsplit_once('.')
+        .is_some_and(|(stem, ending)| is_kind(stem) && matches!(ending, "npy" | "png" | "pgw"));
+    number.parse::<u32>().is_ok() && (is_picture || matches!(kind, "samples.csv" | "links.csv"))
+}
+
+/// Writes samples and links of a run, and collects its tracks; gives how many samples.
+fn write_run(
+    folder: &mut OutputFolder,
+    store: &GroundStore,
+    run: RunId,
+    features: &mut Features,
+    tracks: &mut Vec<(VehicleId, Vec<Point>)>,
+) -> Result<usize, CliError> {
+    let mut text = format!("{SAMPLES_HEADER}\n");
+    let mut bins = LinkBins::default();
+    let mut driven: Vec<((VehicleId, u32), Vec<Point>)> = Vec::new();
+    let mut count = 0;
+    store.each_sample(Some(run), |stored| {
+        let StoredSample { vehicle, boot, run: _, sample, utc_s: _ } = &stored;
+        sample_line(&mut text, &stored);
+        bins.record(sample.transmitter_pose.at.into(), sample.receiver_pose.at.into(), sample.rssi_dbm);
+        let who = (*vehicle, boot.0);
+        if driven.last().is_none_or(|(last, _)| *last != who) {
+            driven.push((who, Vec::new()));
+        }
+        if let Some((_, track)) = driven.last_mut() {
+            extend_track(track, &stored);
+        }
+        count += 1;
+    })?;
+    folder.write(&format!("run-{run}-samples.csv"), text.as_bytes())?;
+    folder.write(&format!("run-{run}-links.csv"), links_csv(&bins.links()).as_bytes())?;
+    for ((vehicle, boot), points) in driven {
+        features.track(json!({"what": "track", "run": run.0, "vehicle": vehicle.0, "boot": boot}), &points);
+        tracks.push((vehicle, points));
+    }
+    Ok(count)
+}
+
+/// Writes the newest pictures of a run; gives how many.
+fn write_images(
+    folder: &mut OutputFolder,
+    store: &GroundStore,
+    run: RunId,
+    venue: &Venue,
+    features: &mut Features,
+) -> Result<usize, CliError> {
+    let images = store.newest_images(run)?;
+    for made in images.iter().filter(|made| matches!(made.kind.as_str(), "change" | "structure")) {
+        let name = |ending: &str| format!("run-{run}-{}.{ending}", made.kind);
+        folder.write(&name("npy"), &npy_bytes(&made.image))?;
+        let spec = heat(made);
+        folder.write(&name("png"), &drawn(Picture::heat(&spec))?)?;
+        folder.write(&name("pgw"), world(venue, spec.placement())?.as_bytes())?;
+        features.peaks(run.0, made);
+    }
+    Ok(images.len())
+}
+
+fn heat(made: &StoredImage) -> HeatMap<'_> {
+    let seen = if made.kind == "change" { "What changed since the empty sweep" } else { "What stands there" };
+    let Image { grid, values } = &made.image;
+    let mark =
+        |(index, peak): (usize, &Peak)| Overlay::Cross { at: peak.at, label: Some((index + 1).to_string()) };
+    HeatMap {
+        title: format!("{seen} ({} links)", made.links),
+        grid: *grid,
+        values,
+        unit: "dB/m",
+        length_unit: "m",
+        overlays: made.peaks.iter().enumerate().map(mark).collect(),
+        range: None,
+    }
+}
+
+fn world(venue: &Venue, placement: Result<Placement, crate::draw::DrawError>) -> Result<String, CliError> {
+    let Placement { corner, metres_per_px } =
+        placement.map_err(|error| CliError::Fault(error.to_string()))?;
+    Ok(world_file(&plane_of(venue), corner, metres_per_px))
+}
+
+/// Writes the map that all vehicles have made together.
+fn write_map(
+    folder: &mut OutputFolder,
+    store: &GroundStore,
+    venue: &Venue,
+    tracks: Vec<(VehicleId, Vec<Point>)>,
+) -> Result<(), CliError> {
+    let mut map = Merged::new(Lattice::new(venue.cell_m), None);
+    for tile in store.tiles()? {
+        // One that cannot be joined was not joined by the ground station either.
+        let _ = map.join(&tile);
+    }
+    let ShownCells { origin, columns, rows, cells } = shown_cells(&map, venue);
+    let mut overlays =
+        vec![Overlay::Fence { polygon: venue.fence.clone() }, Overlay::Area { rect: venue.area }];
+    overlays.extend(tracks.into_iter().map(|(vehicle, points)| Overlay::Track {
+        points,
+        colour: usize::from(vehicle.0.saturating_sub(1)),
+        label: Some(format!("vehicle {vehicle}")),
+    }));
+    overlays.extend(venue.homes.iter().map(|home| Overlay::Home { at: *home, label: None }));
+    let title = "What the range sensors saw".to_owned();
+    let spec = OccupancyMap { title, origin, cell_m: venue.cell_m, columns, rows, cells: &cells, overlays };
+    folder.write("map.png", &drawn(Picture::occupancy(&spec))?)?;
+    folder.write("map.pgw", world(venue, spec.placement())?.as_bytes())
+}
+
+/// Gives where the data come from.
+fn about(store: &GroundStore, runs: &[StoredRun], starts: &[Provenance]) -> String {
+    let run = |run: &StoredRun| {
+        json!({
+            "run": run.run.0,
+            "empty_run": run.empty.map(|empty| empty.0),
+            "began": utc_text(run.began_utc_s),
+            "closed": run.closed_utc_s.map(utc_text),
+        })
+    };
+    let start = |start: &Provenance| {
+        json!({
+            "started": utc_text(start.started_utc_s),
+            "version": start.version,
+            "seed": start.seed,
+            "note": start.note,
+            "config": start.config,
+        })
+    };
+    let about = json!({
+        "store": format!("{:016x}", store.id()),
+        "file": store.path().display().to_string(),
+        "version": env!("CARGO_PKG_VERSION"),
+        "runs": runs.iter().map(run).collect::<Vec<_>>(),
+        "starts": starts.iter().map(start).collect::<Vec<_>>(),
+    });
+    format!("{about:#}\n")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geom::{PixelGrid, Rect};
+    use crate::ground::imager::{Picture as Made, Subject};
+    use crate::store::ground::{Start, UtcOffset};
+    use crate::tomo::Reconstruction;
+    use serde_json::Value;
+    use std::path::Path;
+    use tomoswarm_proto::{Boot, PoseReport, Position, Sample, Samples};
+
+    /// A store with two runs of one vehicle that drove along the south side, and a picture.
+    fn make_store(path: &Path) {
+        let start = Start { venue: bundled_venue(), note: Some("dry"), ..Start::default() };
+        let mut store = GroundStore::open(path, &start).unwrap();
+        let clock = UtcOffset { offset_s: 1_700_000_000.0, error_s: 0.015 };
+        store.note_vehicle(VehicleId(1), Boot(1), None, Some(clock)).unwrap();
+        let place = |x_m, y_m| PoseReport { at: Position { x_m, y_m, z_m: 0.0 }, ..PoseReport::default() };
+        let sample = |sequence: u64| Sample {
+            sequence,
+            heard_at_ns: sequence * 1_000_000_000,
+            transmitter: VehicleId(2),
+            transmitter_pose: place(20.0, 20.0),
+            receiver_pose: place(sequence as f64, 0.0),
+            channel: 11,
+            power_dbm: 0,
+            rssi_dbm: (sequence != 3).then_some(-60),
+        };
+        for run in [1, 2] {
+            let samples = (0..10).map(sample).collect();
+            let batch = Samples { vehicle: VehicleId(1), boot: Boot(1), run: RunId(run), samples };
+            store.take(&[batch]).unwrap();
+        }
+        let area = Rect::new(Point::new(0.0, 0.0), Point::new(20.0, 20.0));
+        let mut image = Image::zeros(PixelGrid { area, columns: 4, rows: 4 });
+        image.values[5] = 3.0;
+        let result = Reconstruction {
+            image,
+            peaks: vec![Peak { at: Point::new(7.5, 7.5), strength: 3.0, significance: 9.0 }],
+            residual_rms_db: 1.0,
+            used: 9,
+            dropped: Default::default(),
+            path_loss: None,
+            by_empty_sweep: true,
+        };
+        store
+            .keep_picture(&Made { run: RunId(2), laps: 1, subject: Subject::Change, result: Ok(result) })
+            .unwrap();
+    }
+
+    fn bundled_venue() -> &'static str {
+        include_str!("../../configs/courtyard.venue.toml")
+    }
+
+    fn export(store: &Path, out: &Path, run: Option<u32>) -> Result<String, CliError> {
+        let mut said = Vec::new();
+        ExportArgs { store: store.to_owned(), out: out.to_owned(), run }.run(&mut said)?;
+        Ok(String::from_utf8(said).unwrap())
+    }
+
+    fn listed(folder: &Path) -> Vec<String> {
+        let entries = std::fs::read_dir(folder).unwrap();
+        let mut names: Vec<String> =
+            entries.map(|entry| entry.unwrap().file_name().into_string().unwrap()).collect();
+        names.sort();
+        names
+    }
+
+    #[test]
+    fn everything_is_written_and_an_export_of_one_run_takes_the_others_away() {
+        let root = tempfile::tempdir().unwrap();
+        let (store, out) = (root.path().join("swarm.db"), root.path().join("out"));
+        make_store(&store);
+        let said = export(&store, &out, None).unwrap();
+        assert!(said.contains("run 1: 10 samples, 0 pictures\nrun 2: 10 samples, 1 pictures"), "{said}");
+        let all = listed(&out);
+        std::fs::write(out.join("run-notes.txt"), "mine").unwrap();
+        export(&store, &out, Some(1)).unwrap();
+        let left = listed(&out);
+        assert_eq!(all.len(), FAMILY.len() + 4 + 3, "{all:?}");
+        assert_eq!(left.len(), FAMILY.len() + 2 + 1, "{left:?}");
+        assert!(!left.iter().any(|name| name.starts_with("run-2")));
+    }
+
+    #[test]
+    fn samples_have_utc_and_links_can_be_read_again() {
+        let root = tempfile::tempdir().unwrap();
+        let (store, out) = (root.path().join("swarm.db"), root.path().join("out"));
+        make_store(&store);
+        export(&store, &out, Some(2)).unwrap();
+        let text = std::fs::read_to_string(out.join("run-2-samples.csv")).unwrap();
+        let lines: Vec<&str> = text.lines().collect();
+        assert_eq!(lines.len(), 11);
+        let fields: Vec<&str> = lines[4].split(',').collect();
+        assert_eq!(fields.len(), lines[0].split(',').count());
+        assert_eq!(fields[..8], ["1", "1", "2", "3", "3.000000", "2023-11-14T22:13:23.000Z", "0.015", "2"]);
+        assert_eq!((fields[13], fields[20]), ("3.0000", ""), "{}", lines[4]);
+        let links = super::super::image::read_file(&out.join("run-2-links.csv")).unwrap().links;
+        assert_eq!(links.iter().map(|link| link.packets).sum::<u32>(), 9);
+        assert_eq!(links.iter().map(|link| link.misses).sum::<u32>(), 1);
+    }
+
+    #[test]
+    fn the_map_of_the_earth_shows_peaks_and_tracks_at_the_datum() {
+        let root = tempfile::tempdir().unwrap();
+        let (store, out) = (root.path().join("swarm.db"), root.path().join("out"));
+        make_store(&store);
+        export(&store, &out, None).unwrap();
+        let text = std::fs::read_to_string(out.join("swarm.geojson")).unwrap();
+        let file: Value = serde_json::from_str(&text).unwrap();
+        let of = |what: &str| -> Vec<&Value> {
+            let features = file["features"].as_array().unwrap();
+            features.iter().filter(|feature| feature["properties"]["what"] == what).collect()
+        };
+        assert_eq!((of("area").len(), of("fence").len(), of("home").len()), (1, 1, 8));
+        assert_eq!((of("peak").len(), of("track").len()), (1, 2));
+        let corner = &of("area")[0]["geometry"]["coordinates"][0][0];
+        assert!((corner[0].as_f64().unwrap() - 4.8952).abs() < 1e-9);
+        assert!((corner[1].as_f64().unwrap() - 52.3702).abs() < 1e-9);
+        // 7.5 m north: a degree of latitude has 111 260 m there.
+        let peak = &of("peak")[0]["geometry"]["coordinates"];
+        assert!((peak[1].as_f64().unwrap() - 52.3702 - 7.5 / 111_260.0).abs() < 1e-8);
+        let world = std::fs::read_to_string(out.join("run-2-change.pgw")).unwrap();
+        assert_eq!(world.lines().count(), 6);
+    }
+
+    #[test]
+    fn what_cannot_be_exported_is_refused_and_leaves_nothing() {
+        let root = tempfile::tempdir().unwrap();
+        let (store, out) = (root.path().join("swarm.db"), root.path().join("out"));
+        let check = |path: &Path, run, words: &str| {
+            let error = export(path, &out, run).unwrap_err();
+            assert!(error.to_string().contains(words), "{error}");
+            assert_eq!(error.exit_code(), 2);
+            assert!(!out.exists());
+        };
+        check(&store, None, "there is no such file");
+        std::fs::write(&store, b"").unwrap();
+        check(&store, None, "an empty file");
+        std::fs::write(&store, "no database ".repeat(500)).unwrap();
+        check(&store, None, "no database");
+        std::fs::remove_file(&store).unwrap();
+        make_store(&store);
+        check(&store, Some(7), "holds no run 7; it holds runs 1, 2");
+        let error = export(&store, &store, None).unwrap_err();
+        assert!(error.to_string().contains("something else is there"), "{error}");
+    }
+}

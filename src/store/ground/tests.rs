@@ -1,0 +1,342 @@
+//! What the store promises: everything once, nothing half, and what is acknowledged is there after any end.
+
+use std::io::{BufRead, BufReader, Write};
+use std::process::{Command, Stdio};
+
+use tomoswarm_proto::{LayerId, Lease, Sample, TILE_CELLS, TileAddress};
+
+use super::*;
+use crate::geom::{PixelGrid, Point, Rect};
+use crate::tomo::Reconstruction;
+
+const START: Start = Start {
+    config: "kind = \"ground\"",
+    venue: "kind = \"venue\"",
+    venue_hash: 0xfeed_0000_0000_0001,
+    seed: Some(u64::MAX),
+    note: Some("windy"),
+    new_id: 0x8000_0000_0000_0007,
+};
+
+fn sample(sequence: u64) -> Sample {
+    let mut receiver_pose = tomoswarm_proto::PoseReport::default();
+    (receiver_pose.at.x_m, receiver_pose.heading_rad, receiver_pose.sd_m) = (0.1, -3.0, 0.05);
+    Sample {
+        sequence,
+        heard_at_ns: 3_600_000_000_001 + sequence * 50_000_000,
+        transmitter: VehicleId(2),
+        transmitter_pose: Default::default(),
+        receiver_pose,
+        channel: 26,
+        power_dbm: -8,
+        rssi_dbm: (!sequence.is_multiple_of(3)).then_some(-61),
+    }
+}
+
+fn batch(vehicle: u8, run: u32, sequences: impl Iterator<Item = u64>) -> Samples {
+    let samples = sequences.map(sample).collect();
+    Samples { vehicle: VehicleId(vehicle), boot: Boot(4), run: RunId(run), samples }
+}
+
+fn path_in(folder: &tempfile::TempDir) -> PathBuf {
+    folder.path().join("swarm.db")
+}
+
+fn count(store: &GroundStore) -> usize {
+    let mut count = 0;
+    store.each_sample(None, |_| count += 1).unwrap();
+    count
+}
+
+#[test]
+fn samples_are_stored_once_and_come_back_in_a_fixed_order() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut store = GroundStore::open(&path_in(&folder), &START).unwrap();
+    assert_eq!(store.take(&[batch(2, 1, 5..9), batch(1, 1, 0..3)]).unwrap(), 7);
+    assert_eq!(store.take(&[batch(2, 1, (0..10).rev())]).unwrap(), 6);
+    drop(store);
+    let store = GroundStore::open(&path_in(&folder), &START).unwrap();
+    assert_eq!(store.id(), START.new_id);
+    let restored = store.resume().unwrap();
+    assert_eq!(restored.samples, [batch(1, 1, 0..3), batch(2, 1, 0..10)]);
+    assert_eq!((restored.store, restored.memory, restored.pictures), (START.new_id, None, 0));
+    let starts = store.provenance().unwrap();
+    assert_eq!(starts.len(), 2);
+    assert_eq!((starts[0].seed, starts[0].note.as_deref()), (START.seed, START.note));
+}
+
+#[test]
+fn a_store_keeps_the_id_it_was_made_with() {
+    let folder = tempfile::tempdir().unwrap();
+    drop(GroundStore::open(&path_in(&folder), &START).unwrap());
+    let store = GroundStore::open(&path_in(&folder), &Start { new_id: 99, ..START }).unwrap();
+    assert_eq!(store.id(), START.new_id);
+}
+
+#[test]
+fn of_a_tile_the_highest_revision_is_kept_whatever_the_order() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut store = GroundStore::open(&path_in(&folder), &START).unwrap();
+    let tile = |x, revision, value: i8| TileReport {
+        layer: LayerId { vehicle: VehicleId(1), boot: Boot(1) },
+        address: TileAddress { slice: -1, x, y: i32::MIN },
+        revision,
+        cells: vec![value; TILE_CELLS],
+    };
+    store.keep_tiles(&[tile(3, 7, -17), tile(-3, 1, 9)]).unwrap();
+    store.keep_tiles(&[tile(3, 6, 1), tile(-3, u32::MAX, 17)]).unwrap();
+    assert_eq!(store.resume().unwrap().tiles, [tile(-3, u32::MAX, 17), tile(3, 7, -17)]);
+}
+
+#[test]
+fn plans_runs_clocks_memory_and_pictures_come_back() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut store = GroundStore::open(&path_in(&folder), &START).unwrap();
+    let clock = UtcOffset { offset_s: 1.7e9, error_s: 0.02 };
+    store.note_vehicle(VehicleId(1), Boot(4), Some("0.1.0"), Some(clock)).unwrap();
+    store.note_run(RunId(2), Some(RunId(1))).unwrap();
+    store.take(&[batch(1, 2, 0..2)]).unwrap();
+    store.close_run(RunId(2)).unwrap();
+    let plan = Plan { run: RunId(2), lease: Lease { number: 1, holder: u64::MAX }, ..Plan::default() };
+    store.keep_plan(&plan).unwrap();
+    store.keep_plan(&plan).unwrap();
+    store.remember(b"first").unwrap();
+    store.remember(b"second").unwrap();
+    for laps in [1, 2] {
+        store.keep_picture(&picture(laps)).unwrap();
+    }
+    drop(store);
+    let mut store = GroundStore::open(&path_in(&folder), &START).unwrap();
+    let restored = store.resume().unwrap();
+    assert_eq!((restored.memory.as_deref(), restored.pictures), (Some(&b"second"[..]), 2));
+    let run = store.runs().unwrap()[0];
+    assert_eq!((run.run, run.empty, run.closed_utc_s.is_some()), (RunId(2), Some(RunId(1)), true));
+    store.take(&[batch(1, 2, 2..3)]).unwrap();
+    store
+        .each_sample(None, |stored| {
+            let (utc_s, error_s) = stored.utc_s.unwrap();
+            assert_eq!(error_s, 0.02);
+            assert!((utc_s - 1.7e9 - 3600.0).abs() < 1.0);
+        })
+        .unwrap();
+    let images = store.newest_images(RunId(2)).unwrap();
+    assert_eq!((images.len(), images[0].laps, images[0].kind.as_str()), (1, 2, "change"));
+    assert_eq!(images[0].image, picture(2).result.unwrap().image);
+    assert_eq!(images[0].peaks, picture(2).result.unwrap().peaks);
+    // A memory of another version is not taken for one of this.
+    store.connection.execute("UPDATE memory SET version = '0.0.0'", []).unwrap();
+    let restored = store.resume().unwrap();
+    assert_eq!((restored.memory, restored.foreign_memory.as_deref()), (None, Some("0.0.0")));
+}
+
+fn picture(laps: usize) -> Picture {
+    let area = Rect::new(Point::new(-1.0, 0.0), Point::new(2.0, 2.0));
+    let values = vec![0.5, -0.25, laps as f64, 0.0, 1.0, 2.0];
+    let image = Image { grid: PixelGrid { area, columns: 3, rows: 2 }, values };
+    let peaks = vec![Peak { at: Point::new(0.3, 1.1), strength: 2.0, significance: 8.0 }];
+    let result = Reconstruction {
+        image,
+        peaks,
+        residual_rms_db: 1.5,
+        used: 321,
+        dropped: Default::default(),
+        path_loss: None,
+        by_empty_sweep: true,
+    };
+    Picture { run: RunId(2), laps, subject: Subject::Change, result: Ok(result) }
+}
+
+fn check_refused(content: impl FnOnce(&Path), start: &Start, words: &str) {
+    let folder = tempfile::tempdir().unwrap();
+    let path = path_in(&folder);
+    content(&path);
+    let before = std::fs::read(&path).unwrap();
+    let error = GroundStore::open(&path, start).unwrap_err().to_string();
+    assert!(error.contains(words) && error.contains("swarm.db"), "{error}");
+    assert_eq!(std::fs::read(&path).unwrap(), before, "a refused file is not touched");
+}
+
+fn make(path: &Path) -> GroundStore {
+    let mut store = GroundStore::open(path, &START).unwrap();
+    store.take(&[batch(1, 1, 0..2000)]).unwrap();
+    store
+}
+
+#[test]
+fn what_is_no_store_of_this_venue_and_version_is_refused_untouched() {
+    check_refused(|path| std::fs::write(path, "garbage ".repeat(999)).unwrap(), &START, "no database");
+    let foreign = |path: &Path| {
+        let connection = Connection::open(path).unwrap();
+        connection.execute_batch("CREATE TABLE phones (number TEXT)").unwrap();
+    };
+    check_refused(foreign, &START, "another database");
+    check_refused(|path| drop(make(path)), &Start { venue_hash: 1, ..START }, "another venue");
+    let newer = |path: &Path| make(path).connection.pragma_update(None, "user_version", 99).unwrap();
+    check_refused(newer, &START, "newer tomoswarm (store version 99, this one knows 1)");
+    let damaged = |path: &Path| {
+        drop(make(path));
+        let mut bytes = std::fs::read(path).unwrap();
+        let half = bytes.len() / 2;
+        bytes[half..half + 20_000].fill(0xa5);
+        std::fs::write(path, bytes).unwrap();
+    };
+    check_refused(damaged, &START, "damaged");
+}
+
+#[test]
+fn an_empty_file_becomes_a_store_but_holds_nothing_to_read() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = path_in(&folder);
+    std::fs::write(&path, b"").unwrap();
+    let error = GroundStore::open_to_read(&path).unwrap_err().to_string();
+    assert!(error.contains("found an empty file"), "{error}");
+    drop(make(&path));
+    assert_eq!(count(&GroundStore::open_to_read(&path).unwrap()), 2000);
+    let error = GroundStore::open_to_read(folder.path()).unwrap_err().to_string();
+    assert!(error.contains("no file"), "{error}");
+}
+
+#[test]
+fn a_second_ground_station_is_kept_out_and_readers_are_not() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut store = make(&path_in(&folder));
+    let error = GroundStore::open(&path_in(&folder), &START).unwrap_err();
+    assert!(matches!(error, StoreError::InUse { .. }), "{error}");
+    let reader = GroundStore::open_to_read(&path_in(&folder)).unwrap();
+    store.take(&[batch(1, 1, 2000..2500)]).unwrap();
+    assert_eq!(count(&reader), 2500);
+}
+
+#[test]
+fn another_program_that_holds_the_file_delays_and_spoils_nothing() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut store = make(&path_in(&folder));
+    store.connection.busy_timeout(Duration::from_millis(20)).unwrap();
+    let other = Connection::open(path_in(&folder)).unwrap();
+    other.execute_batch("BEGIN IMMEDIATE").unwrap();
+    let error = store.take(&[batch(1, 1, 1990..2010)]).unwrap_err();
+    assert!(matches!(error, StoreError::InUse { .. }), "{error}");
+    other.execute_batch("ROLLBACK").unwrap();
+    assert_eq!(store.take(&[batch(1, 1, 1990..2010)]).unwrap(), 10);
+}
+
+#[test]
+fn a_full_disk_stores_nothing_by_halves_and_later_everything() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut store = make(&path_in(&folder));
+    // As a full disk does: no page more than there are.
+    let set = |store: &GroundStore, pages: i64| {
+        store.connection.query_row(&format!("PRAGMA max_page_count = {pages}"), [], |_| Ok(())).unwrap();
+    };
+    set(&store, 1);
+    let both = [batch(1, 1, 2000..2003), batch(7, 3, 0..20_000)];
+    let error = store.take(&both).unwrap_err();
+    assert!(matches!(error, StoreError::Full { .. }), "{error}");
+    assert_eq!((count(&store), store.runs().unwrap().len()), (2000, 1));
+    assert!(store.remember(&[0; 1 << 20]).is_err());
+    set(&store, 1 << 30);
+    assert_eq!(store.take(&both).unwrap(), 20_003);
+    store.remember(b"all is well").unwrap();
+    assert_eq!(store.memory().unwrap().as_deref(), Some(&b"all is well"[..]));
+}
+
+#[test]
+fn a_disk_that_turns_read_only_stores_nothing_and_later_everything() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut store = make(&path_in(&folder));
+    store.connection.pragma_update(None, "query_only", true).unwrap();
+    let error = store.take(&[batch(1, 1, 2000..2010)]).unwrap_err();
+    assert!(matches!(error, StoreError::ReadOnly { .. }), "{error}");
+    store.connection.pragma_update(None, "query_only", false).unwrap();
+    assert_eq!(store.take(&[batch(1, 1, 2000..2010)]).unwrap(), 10);
+}
+
+/// Names the variable by which the test below tells its child the file.
+const CHILD: &str = "TOMOSWARM_TEST_STORE";
+
+/// The child's part: stores sample after sample in small groups, and says how far it is after each.
+#[test]
+fn child_that_is_killed() {
+    let Ok(path) = std::env::var(CHILD) else { return };
+    let mut store = GroundStore::open(Path::new(&path), &START).unwrap();
+    let mut next = count(&store) as u64;
+    let mut out = std::io::stdout();
+    loop {
+        store.take(&[batch(1, 1, next..next + 40)]).unwrap();
+        store.remember(&next.to_le_bytes()).unwrap();
+        next += 40;
+        writeln!(out, "stored {next}").unwrap();
+        out.flush().unwrap();
+    }
+}
+
+#[test]
+fn a_process_that_is_killed_has_lost_and_doubled_nothing_that_it_had_acknowledged() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = path_in(&folder);
+    let mut acknowledged = 0;
+    for round in 0..6 {
+        let mut child = Command::new(std::env::current_exe().unwrap())
+            .args(["--exact", "store::ground::tests::child_that_is_killed", "--nocapture"])
+            .env(CHILD, &path)
+            .stdout(Stdio::piped())
+            .spawn()
+            .unwrap();
+        let lines = BufReader::new(child.stdout.take().unwrap()).lines();
+        let stored =
+            lines.map_while(Result::ok).filter_map(|line| line.strip_prefix("stored ")?.parse().ok());
+        // Killed at another moment each time, and without waiting for the next commit.
+        acknowledged = stored.take(3 + 7 * round).last().unwrap_or(acknowledged);
+        child.kill().unwrap();
+        child.wait().unwrap();
+        let store = GroundStore::open(&path, &START).unwrap();
+        let sound: String =
+            store.connection.query_row("PRAGMA integrity_check", [], |row| row.get(0)).unwrap();
+        assert_eq!(sound, "ok");
+        let mut expected = 0;
+        store
+            .each_sample(None, |stored| {
+                assert_eq!(stored.sample, sample(expected));
+                expected += 1;
+            })
+            .unwrap();
+        assert!(expected >= acknowledged && expected.is_multiple_of(40), "{expected} of {acknowledged}");
+        let memory = store.memory().unwrap().unwrap();
+        let remembered = u64::from_le_bytes(memory.try_into().unwrap());
+        assert!(remembered + 40 >= acknowledged && remembered < expected);
+    }
+    assert!(acknowledged > 0);
+}
+
+/// Gives the SQL examples of the documentation.
+fn documented_queries() -> Vec<String> {
+    let page = include_str!("../../../docs/store.md");
+    let blocks = page.split("```sql\n").skip(1).map(|rest| rest.split("```").next().unwrap().to_owned());
+    blocks.collect()
+}
+
+#[test]
+fn the_documented_queries_run() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut store = make(&path_in(&folder));
+    store.take(&[batch(9, 1, 0..5), batch(9, 1, 8..9)]).unwrap();
+    store.keep_picture(&picture(3)).unwrap();
+    let answers: Vec<Vec<String>> = documented_queries()
+        .iter()
+        .map(|query| {
+            let mut statement = store.connection.prepare(query).unwrap();
+            let columns = statement.column_count();
+            let cell = |row: &rusqlite::Row, index| format!("{:?}", row.get_ref(index).unwrap());
+            let line = |row: &rusqlite::Row| {
+                Ok((0..columns).map(|index| cell(row, index)).collect::<Vec<_>>().join(" "))
+            };
+            statement.query_map([], line).unwrap().map(Result::unwrap).collect()
+        })
+        .collect();
+    assert_eq!(answers.len(), 4);
+    assert_eq!(answers[0].len(), 2);
+    assert!(answers[0][0].starts_with("Integer(1) Integer(1) Integer(2000) Integer(667) Real(-61.0)"));
+    assert_eq!(answers[1], ["Integer(9) Integer(4) Integer(1) Integer(3)"]);
+    assert_eq!(answers[2].len(), 1);
+    assert!(answers[3][0].ends_with("Real(0.3) Real(1.1) Real(2.0)"), "{:?}", answers[3]);
+}
