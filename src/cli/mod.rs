@@ -6,6 +6,7 @@
 mod answer;
 pub mod check;
 mod describe;
+mod describe_nodes;
 pub mod error;
 mod folder;
 pub mod image;

@@ -1,15 +1,41 @@
 //! From a checked file to a ground station: its method of sweeping, its images, and itself. It decides nothing.
 
-use tomoswarm_proto::Lease;
+use std::time::Duration;
+
+use tomoswarm_proto::{Lease, VehicleId};
 
 use super::GroundNode;
 use super::imager::{Imager, Subject};
 use super::planner::{Method, Planner};
 use super::station::{Station, StationSettings};
-use crate::config::{Imaging, Planner as PlannerName, Sim, Solver as SolverName, Sweep, Weights};
+use crate::config::{
+    GroundFile, Imaging, Planner as PlannerName, Sim, Solver as SolverName, Sweep, Venue, Weights,
+};
 use crate::geom::{Lattice, PixelGrid, Rect};
-use crate::sweep::Ring;
+use crate::sweep::{Ring, SweepError};
 use crate::tomo::{MapSettings, Prior, SPOT_M, Settings as ImageSettings, Solver, TomoError, WeightModel};
+
+/// What a ground station is made of, before it begins.
+#[derive(Debug)]
+pub struct GroundParts {
+    /// What the station is told.
+    pub station: StationSettings,
+    /// The planner of its sweeps.
+    pub planner: Planner,
+    /// The maker of its images.
+    pub imager: Imager,
+}
+
+/// Why a ground station cannot be made of its file.
+#[derive(Clone, PartialEq, Debug, thiserror::Error)]
+pub enum PartsError {
+    /// The positions cannot be laid around the area.
+    #[error(transparent)]
+    Ring(#[from] SweepError),
+    /// The image has an impossible grid.
+    #[error(transparent)]
+    Image(#[from] TomoError),
+}
 
 /// Makes the ground station of a simulation's file, with the positions that are measured from; `store` names its
 /// store of samples.
@@ -17,18 +43,66 @@ use crate::tomo::{MapSettings, Prior, SPOT_M, Settings as ImageSettings, Solver,
 /// # Errors
 /// The image has an impossible grid.
 pub fn ground_node(sim: &Sim, ring: Ring, lease: Lease, store: u64) -> Result<GroundNode, TomoError> {
-    let station = Station::new(StationSettings {
+    let told = Told {
+        venue: &sim.venue,
         vehicles: sim.vehicle_ids().collect(),
-        lease,
-        store,
-        lattice: Lattice::new(sim.venue.cell_m),
-        bin_m: sim.imaging.bin_m,
-        spot_m: SPOT_M,
-    });
-    let planner = Planner::new(ring, method(&sim.sweep), sim.safety.separation_m, sim.durations.planner);
-    let image = |subject| image_settings(&sim.imaging, sim.venue.area, sim.radio.sensitivity_dbm, subject);
-    let imager = Imager::new(image(Subject::Change), image(Subject::Structure), sim.durations.imager)?;
-    Ok(GroundNode::new(station, planner, imager))
+        sweep: &sim.sweep,
+        imaging: &sim.imaging,
+        separation_m: sim.safety.separation_m,
+        sensitivity_dbm: sim.radio.sensitivity_dbm,
+        planner_time: sim.durations.planner,
+        imager_time: sim.durations.imager,
+    };
+    let GroundParts { station, planner, imager } = told.parts(ring, lease, store)?;
+    Ok(GroundNode::new(Station::new(station), planner, imager))
+}
+
+/// Gives what the ground station of a node's file is made of; its answers are there as soon as they are found.
+///
+/// # Errors
+/// The positions cannot be laid around the area; the image has an impossible grid.
+pub fn ground_parts(file: &GroundFile, lease: Lease, store: u64) -> Result<GroundParts, PartsError> {
+    let told = Told {
+        venue: &file.venue,
+        vehicles: file.vehicles.clone(),
+        sweep: &file.sweep,
+        imaging: &file.imaging,
+        separation_m: file.separation_m,
+        sensitivity_dbm: file.sensitivity_dbm,
+        planner_time: Duration::ZERO,
+        imager_time: Duration::ZERO,
+    };
+    let ring = Ring::new(file.venue.area, file.sweep.positions)?;
+    Ok(told.parts(ring, lease, store)?)
+}
+
+/// What both kinds of files say.
+struct Told<'f> {
+    venue: &'f Venue,
+    vehicles: Vec<VehicleId>,
+    sweep: &'f Sweep,
+    imaging: &'f Imaging,
+    separation_m: f64,
+    sensitivity_dbm: f64,
+    planner_time: Duration,
+    imager_time: Duration,
+}
+
+impl Told<'_> {
+    fn parts(self, ring: Ring, lease: Lease, store: u64) -> Result<GroundParts, TomoError> {
+        let image = |subject| image_settings(self.imaging, self.venue.area, self.sensitivity_dbm, subject);
+        let imager = Imager::new(image(Subject::Change), image(Subject::Structure), self.imager_time)?;
+        let planner = Planner::new(ring, method(self.sweep), self.separation_m, self.planner_time);
+        let station = StationSettings {
+            vehicles: self.vehicles,
+            lease,
+            store,
+            lattice: Lattice::new(self.venue.cell_m),
+            bin_m: self.imaging.bin_m,
+            spot_m: SPOT_M,
+        };
+        Ok(GroundParts { station, planner, imager })
+    }
 }
 
 /// Gives the planner of a sweep.
