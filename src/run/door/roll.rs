@@ -106,7 +106,7 @@ impl Roll {
     pub fn lease(&self, now: Time) -> Lease {
         let echoed = self.vehicles.values().filter_map(|seen| Some(seen.state.as_ref()?.said.ordered.lease));
         let held = self.ground(now).map(|report| report.said.lease);
-        echoed.chain(held).max().unwrap_or_default().max(Lease { number: 0, holder: 0 })
+        echoed.chain(held).max().unwrap_or_default()
     }
 
     fn greeting(&mut self, now: Time, greeting: &Greeting, hello: Option<&Hello>) {

@@ -63,7 +63,8 @@ impl Rover {
     /// A vehicle that has obeyed this.
     pub fn ordered(vehicle: u8, lease: Lease, revision: u32, kind: OrderKind) -> Rover {
         let mut rover = Rover::new(vehicle);
-        rover.state.ordered = Ordered { lease, revision: Revision(revision), run: RunId(1), kind: Some(kind) };
+        rover.state.ordered =
+            Ordered { lease, revision: Revision(revision), run: RunId(1), kind: Some(kind) };
         rover
     }
 
