@@ -11,14 +11,24 @@ pub mod error;
 mod folder;
 pub mod image;
 mod load;
+#[cfg(feature = "net")]
+mod operator;
+#[cfg(feature = "net")]
+pub mod order;
 mod outputs;
 mod pictures;
 pub mod plan;
+#[cfg(feature = "net")]
+pub mod preflight;
 mod read;
 pub mod recording;
 mod report;
 pub mod sim;
+#[cfg(feature = "net")]
+pub mod status;
 mod stop;
+#[cfg(feature = "net")]
+pub mod tap;
 mod trials;
 
 use std::process::ExitCode;
@@ -52,6 +62,14 @@ enum Command {
     Image(image::ImageCommand),
     Plan(plan::PlanArgs),
     Check(check::CheckArgs),
+    #[cfg(feature = "net")]
+    Order(order::OrderArgs),
+    #[cfg(feature = "net")]
+    Status(status::StatusArgs),
+    #[cfg(feature = "net")]
+    Tap(tap::TapArgs),
+    #[cfg(feature = "net")]
+    Preflight(preflight::PreflightArgs),
 }
 
 /// Runs the program as the command line says, and gives its exit code.
@@ -70,6 +88,14 @@ pub fn run() -> ExitCode {
         Command::Image(image) => image.run(&mut answer),
         Command::Plan(plan) => plan.run(&mut answer),
         Command::Check(check) => check.run(&mut answer),
+        #[cfg(feature = "net")]
+        Command::Order(order) => order.run(&mut answer),
+        #[cfg(feature = "net")]
+        Command::Status(status) => status.run(&mut answer),
+        #[cfg(feature = "net")]
+        Command::Tap(tap) => tap.run(&mut answer),
+        #[cfg(feature = "net")]
+        Command::Preflight(preflight) => preflight.run(&mut answer),
     };
     match result {
         Ok(()) => ExitCode::SUCCESS,

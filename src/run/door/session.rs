@@ -4,7 +4,7 @@
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, sync_channel};
-use std::time::Duration;
+use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
 use super::super::bus::{Bus, BusError, BusSettings, Heard, Mouth};
 use super::super::clock::Clock;
@@ -20,6 +20,8 @@ pub struct Session {
     mouth: Mouth,
     heard: Receiver<(Time, Heard)>,
     clock: Clock,
+    /// This machine's date when the clock was started, seconds since 1970.
+    began_utc_s: f64,
     troubles: Troubles,
     dropped: Arc<AtomicU64>,
 }
@@ -31,6 +33,7 @@ impl Session {
     /// The settings cannot be used, or it cannot listen.
     pub fn open(settings: BusSettings) -> Result<Session, BusError> {
         let (clock, troubles, dropped) = (Clock::start(), Troubles::default(), Arc::new(AtomicU64::new(0)));
+        let began_utc_s = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default().as_secs_f64();
         let (say, heard) = sync_channel(WAITING);
         let of_ear = dropped.clone();
         let hear = move |what| {
@@ -41,12 +44,17 @@ impl Session {
         let bus = Bus::open(settings, clock, troubles.clone(), hear)?;
         let mouth = bus.mouth();
         mouth.speak();
-        Ok(Session { bus, mouth, heard, clock, troubles, dropped })
+        Ok(Session { bus, mouth, heard, clock, began_utc_s, troubles, dropped })
     }
 
     /// Gives the time since the tool joined.
     pub fn now(&self) -> Time {
         self.clock.now()
+    }
+
+    /// Gives a moment by this machine's date, seconds since 1970; for people and notes, never to decide by.
+    pub fn utc_s(&self, at: Time) -> f64 {
+        self.began_utc_s + at.as_secs_f64()
     }
 
     /// Waits for the next message until a moment.
