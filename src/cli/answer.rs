@@ -18,6 +18,12 @@ impl Answer {
     pub fn on_stdout() -> Answer {
         Answer { out: io::stdout(), is_closed: false }
     }
+
+    /// Tells whether the reader is known to have left.
+    #[cfg(feature = "net")]
+    pub fn is_closed(&self) -> bool {
+        self.is_closed
+    }
 }
 
 impl<W: Write> Answer<W> {

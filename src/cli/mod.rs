@@ -19,14 +19,24 @@ pub mod image;
 mod load;
 #[cfg(feature = "net")]
 mod logging;
+#[cfg(feature = "net")]
+mod operator;
+#[cfg(feature = "net")]
+pub mod order;
 mod outputs;
 mod pictures;
 pub mod plan;
+#[cfg(feature = "net")]
+pub mod preflight;
 mod read;
 pub mod recording;
 mod report;
 pub mod sim;
+#[cfg(feature = "net")]
+pub mod status;
 mod stop;
+#[cfg(feature = "net")]
+pub mod tap;
 mod trials;
 #[cfg(feature = "net")]
 pub mod vehicle;
@@ -70,7 +80,16 @@ enum Command {
     World(world::WorldArgs),
     #[cfg(feature = "net")]
     Enroll(enroll::EnrollArgs),
+    #[cfg(feature = "net")]
     Export(export::ExportArgs),
+    #[cfg(feature = "net")]
+    Order(order::OrderArgs),
+    #[cfg(feature = "net")]
+    Status(status::StatusArgs),
+    #[cfg(feature = "net")]
+    Tap(tap::TapArgs),
+    #[cfg(feature = "net")]
+    Preflight(preflight::PreflightArgs),
 }
 
 /// Runs the program as the command line says, and gives its exit code.
@@ -95,7 +114,16 @@ pub fn run() -> ExitCode {
         Command::World(world) => world.run(&mut answer),
         #[cfg(feature = "net")]
         Command::Enroll(enroll) => enroll.run(&mut answer),
+        #[cfg(feature = "net")]
         Command::Export(export) => export.run(&mut answer),
+        #[cfg(feature = "net")]
+        Command::Order(order) => order.run(&mut answer),
+        #[cfg(feature = "net")]
+        Command::Status(status) => status.run(&mut answer),
+        #[cfg(feature = "net")]
+        Command::Tap(tap) => tap.run(&mut answer),
+        #[cfg(feature = "net")]
+        Command::Preflight(preflight) => preflight.run(&mut answer),
     };
     match result {
         Ok(()) => ExitCode::SUCCESS,

@@ -75,6 +75,7 @@ fn named(path: &Path) -> Result<String, String> {
         | CliError::Image(_)
         | CliError::Write { .. }
         | CliError::Mission(_)
+        | CliError::Swarm(_)
         | CliError::Fault(_) => error.to_string(),
     })
 }

@@ -9,6 +9,7 @@ pub mod allowance;
 pub mod bus;
 pub mod clock;
 pub mod desk;
+pub mod door;
 pub mod egress;
 pub mod ground;
 pub mod herald;

@@ -1,0 +1,121 @@
+//! How the operator's commands (`order`, `status`, `tap`, `preflight`) come to the bus: from a file of kind `operator`, or
+//! from the ground station's own file on its machine. They listen on a free port of this machine in a mesh, and are
+//! clients in a star.
+
+use std::collections::BTreeSet;
+use std::path::Path;
+use std::time::Duration;
+
+use tomoswarm_proto::{Sender, VehicleId};
+
+use super::error::CliError;
+use super::read;
+use crate::config::{self, BusFile, Config, Endpoint, Protocol, Topology, Venue};
+use crate::run::bus::{self, BusError, BusSettings};
+use crate::run::door::session::Session;
+
+/// What a command knows before it hears anything.
+pub struct Door {
+    /// How it joins.
+    pub settings: BusSettings,
+    /// The place.
+    pub venue: Venue,
+    /// The vehicles that the file names; empty when it names none.
+    pub vehicles: BTreeSet<VehicleId>,
+}
+
+impl Door {
+    /// Reads the file.
+    ///
+    /// # Errors
+    /// It is wrong, or of another kind.
+    pub fn read(path: &Path) -> Result<Door, CliError> {
+        let text = read::text(path)?;
+        match config::read(&read::shown(path), &text, &mut read::around(path))? {
+            Config::Operator(file) => {
+                let settings = settings(path, &file.venue, &file.bus)?;
+                Ok(Door { settings, venue: file.venue, vehicles: BTreeSet::new() })
+            }
+            Config::Ground(file) => {
+                let settings = settings(path, &file.venue, &beside_ground(&file.bus))?;
+                Ok(Door { settings, venue: file.venue, vehicles: file.vehicles.into_iter().collect() })
+            }
+            Config::Venue(_) | Config::Scene(_) | Config::Sim(_) | Config::Vehicle(_) => {
+                let reason =
+                    "is of another kind; kind = \"operator\" or \"ground\" is needed here".to_owned();
+                Err(CliError::Input { path: path.to_owned(), reason })
+            }
+        }
+    }
+
+    /// Joins the bus.
+    ///
+    /// # Errors
+    /// The bus does not take the settings, or cannot listen.
+    pub fn open(&self) -> Result<Session, CliError> {
+        Session::open(self.settings.clone()).map_err(|error| match error {
+            BusError::Settings { .. } => CliError::Usage(error.to_string()),
+            BusError::Listen { .. } | BusError::Thread(_) => CliError::Swarm(error.to_string()),
+        })
+    }
+}
+
+/// Reads a span of seconds from the command line.
+///
+/// # Errors
+/// It is no number from 0.1 to 86,400.
+pub fn seconds(text: &str) -> Result<Duration, String> {
+    let number: Option<f64> = text.parse().ok();
+    let number = number.filter(|seconds_s| (0.1..=86_400.0).contains(seconds_s));
+    number.map(Duration::from_secs_f64).ok_or_else(|| "0.1 to 86400 seconds are allowed".to_owned())
+}
+
+/// Gives how a command joins that runs beside the ground station.
+fn beside_ground(ground: &BusFile) -> BusFile {
+    let protocol = if ground.identity.is_some() { Protocol::Tls } else { Protocol::Tcp };
+    let own = Endpoint { protocol, host: "127.0.0.1".to_owned(), port: 0 };
+    let listen = match ground.topology {
+        Topology::Mesh => vec![own],
+        Topology::Star => Vec::new(),
+    };
+    let its_own = ground.listen.iter().filter(|endpoint| endpoint.port != 0).map(reached);
+    let connect = its_own.chain(ground.connect.iter().cloned()).collect();
+    BusFile { listen, connect, ..ground.clone() }
+}
+
+/// Gives where one that listens on all addresses is reached from its own machine.
+fn reached(endpoint: &Endpoint) -> Endpoint {
+    let host = match endpoint.host.as_str() {
+        "0.0.0.0" => "127.0.0.1".to_owned(),
+        "::" => "::1".to_owned(),
+        host => host.to_owned(),
+    };
+    Endpoint { host, ..endpoint.clone() }
+}
+
+fn settings(path: &Path, venue: &Venue, file: &BusFile) -> Result<BusSettings, CliError> {
+    if file.connect.is_empty() {
+        let reason = "names no endpoint with a port by which the swarm can be reached".to_owned();
+        return Err(CliError::Input { path: path.to_owned(), reason });
+    }
+    let texts = |endpoints: &[Endpoint]| endpoints.iter().map(Endpoint::to_string).collect();
+    Ok(BusSettings {
+        node: Sender::Operator,
+        prefix: format!("tomoswarm/{}", venue.name),
+        topology: match file.topology {
+            Topology::Mesh => bus::Topology::Mesh,
+            Topology::Star => bus::Topology::Star,
+        },
+        listen: texts(&file.listen),
+        connect: texts(&file.connect),
+        trust: trust(path, file)?,
+        lease: file.lease,
+        egress_bytes_per_s: (file.egress_kb_per_s * 1e3) as u32,
+    })
+}
+
+fn trust(path: &Path, file: &BusFile) -> Result<Option<bus::Trust>, CliError> {
+    let Some(_) = &file.identity else { return Ok(None) };
+    let reason = "has certificates, which this command does not read yet".to_owned();
+    Err(CliError::Input { path: path.to_owned(), reason })
+}

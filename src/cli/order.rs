@@ -1,0 +1,197 @@
+//! `tomoswarm order CONFIG WHAT [VEHICLE]...`: tells vehicles what to do, and ends when their State shows that they do.
+
+use std::collections::BTreeSet;
+use std::io::Write;
+use std::path::PathBuf;
+use std::time::Duration;
+
+use tomoswarm_proto::{Message, OrderKind, RunId, VehicleId};
+
+use super::error::CliError;
+use super::operator::{Door, seconds};
+use super::stop::Stop;
+use crate::run::door::ordering::{Fate, Ordering, Outcome, Wish};
+use crate::run::door::session::Session;
+use crate::run::door::status::{kind_name, ordered};
+use crate::time::Time;
+
+/// Messages taken before orders are looked after again.
+const AT_ONCE: usize = 1000;
+
+/// Tell vehicles what to do; ends when their State shows it.
+///
+/// The order is sent every 100 ms until every vehicle shows it, and is given up after the timeout. It is given by the lease
+/// that the ground station holds or the vehicles obey; whoever gave a higher order in between is named. A stopping order
+/// goes above a start of the same lease that comes in between.
+#[derive(clap::Args, Debug)]
+#[command(after_help = AFTER_HELP)]
+pub struct OrderArgs {
+    /// A file of kind "operator", or the ground station's own file
+    #[arg(value_name = "CONFIG")]
+    pub config: PathBuf,
+    /// What to do
+    #[arg(value_enum, value_name = "WHAT")]
+    pub what: What,
+    /// Which vehicles [default: all]
+    #[arg(value_name = "VEHICLE", value_parser = clap::value_parser!(u8).range(1..=250))]
+    pub vehicles: Vec<u8>,
+    /// In which run [default: the present one; a start of an idle ground station begins the next]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=4_294_967_294))]
+    pub run: Option<u32>,
+    /// Take the lease from whoever holds it
+    #[arg(long)]
+    pub take_over: bool,
+    /// Give up after so many seconds
+    #[arg(long, value_name = "S", default_value = "5", value_parser = seconds)]
+    pub timeout: Duration,
+    /// Confirm that the motors are cut, whatever falls
+    #[arg(long)]
+    pub yes_cut_motors: bool,
+}
+
+/// What a vehicle can be told.
+#[derive(clap::ValueEnum, Clone, Copy, PartialEq, Eq, Debug)]
+pub enum What {
+    /// Begin a run, or go on; ends an emergency
+    Start,
+    /// Stand still, keep the plan (= hold)
+    Pause,
+    /// Go on (= start, but never begins a new run)
+    Resume,
+    /// Stand still, keep the plan
+    Hold,
+    /// Drive home
+    Return,
+    /// Come down where it is
+    Land,
+    /// Stop at once; only start ends it
+    Emergency,
+    /// Cut the motors at once, whatever falls; needs --yes-cut-motors
+    CutMotors,
+}
+
+const AFTER_HELP: &str = "\
+An emergency waits for nobody: it goes out as soon as the bus is open, also to vehicles of which nothing was heard.
+
+Examples:
+  tomoswarm order operator.toml start                 all vehicles begin
+  tomoswarm order operator.toml hold 2 3              two of them stand still
+  tomoswarm order operator.toml emergency             everyone stops at once
+  tomoswarm order operator.toml start --take-over     in place of another ground station
+
+Exit codes: 0 every vehicle shows the order; 1 not in time, overruled, or nobody heard; 2 bad usage or configuration.";
+
+impl What {
+    fn kind(self) -> OrderKind {
+        match self {
+            What::Start | What::Resume => OrderKind::Start,
+            What::Pause | What::Hold => OrderKind::Hold,
+            What::Return => OrderKind::Return,
+            What::Land => OrderKind::Land,
+            What::Emergency => OrderKind::Emergency,
+            What::CutMotors => OrderKind::CutMotors,
+        }
+    }
+}
+
+impl OrderArgs {
+    /// Orders, and says who obeyed after how long.
+    ///
+    /// # Errors
+    /// A bad file, or a vehicle that did not obey.
+    pub fn run(&self, out: &mut dyn Write) -> Result<(), CliError> {
+        match (self.what, self.yes_cut_motors) {
+            (What::CutMotors, false) => {
+                let refused = "cut-motors lets fall whatever flies; confirm it with --yes-cut-motors";
+                return Err(CliError::Usage(refused.to_owned()));
+            }
+            (what, true) if what != What::CutMotors => {
+                return Err(CliError::Usage("--yes-cut-motors belongs to cut-motors only".to_owned()));
+            }
+            (_, _) => {}
+        }
+        let door = Door::read(&self.config)?;
+        let wish = self.wish(&door)?;
+        let stop = Stop::listen();
+        let session = door.open()?;
+        let outcome = deliver(&session, Ordering::new(session.now(), wish), &stop);
+        let troubles = session.troubles();
+        session.close();
+        let failed = |source| CliError::Write { path: "standard output".into(), source };
+        out.write_all(told(self.what.kind(), &outcome).as_bytes()).map_err(failed)?;
+        if outcome.is_done() { Ok(()) } else { Err(undone(self.what.kind(), &outcome, &troubles)) }
+    }
+
+    fn wish(&self, door: &Door) -> Result<Wish, CliError> {
+        let holder =
+            getrandom::u64().map_err(|error| CliError::Fault(format!("no random numbers: {error}")))?;
+        let homes = door.venue.homes.len();
+        Ok(Wish {
+            kind: self.what.kind(),
+            begins: self.what == What::Start,
+            vehicles: self.vehicles.iter().map(|id| VehicleId(*id)).collect(),
+            expected: door.vehicles.clone(),
+            possible: (1..=homes).filter_map(|id| u8::try_from(id).ok().map(VehicleId)).collect(),
+            run: self.run.map(RunId),
+            take_over: self.take_over,
+            // Holder 0 is that of no operator.
+            holder: holder.max(1),
+            timeout: self.timeout,
+        })
+    }
+}
+
+/// Sends an order until it is over, or the command shall end.
+fn deliver(session: &Session, mut ordering: Ordering, stop: &Stop) -> Outcome {
+    loop {
+        let now = session.now();
+        for order in ordering.act(now, session.is_linked()) {
+            session.mouth().publish(&Message::Order(order));
+        }
+        if let Some(outcome) = ordering.outcome(now) {
+            return outcome;
+        }
+        if stop.is_asked() {
+            return ordering.outcome_so_far(now);
+        }
+        let first = session.hear(ordering.next(now));
+        let more = std::iter::from_fn(|| session.hear(Time::ZERO)).take(AT_ONCE);
+        for (at, heard) in first.into_iter().chain(more) {
+            ordering.hear(at, &heard);
+        }
+    }
+}
+
+fn told(kind: OrderKind, outcome: &Outcome) -> String {
+    let line = |(id, fate): (&VehicleId, &Fate)| match fate {
+        Fate::Obeyed { after, by_ground } => {
+            let by_ground = if *by_ground { "; the ground station has gone on from there" } else { "" };
+            format!("vehicle {id}: {} after {} ms{by_ground}\n", kind_name(kind), after.as_millis())
+        }
+        Fate::Overruled(echo) => {
+            let holder = echo.lease.holder;
+            format!("vehicle {id}: overruled by {} (holder {holder:016x})\n", ordered(*echo))
+        }
+        Fate::Ignored => format!("vehicle {id}: is heard, but has not obeyed\n"),
+        Fate::Unheard => format!("vehicle {id}: not heard\n"),
+    };
+    outcome.fates.iter().map(line).collect()
+}
+
+fn undone(kind: OrderKind, outcome: &Outcome, troubles: &[String]) -> CliError {
+    let undone: BTreeSet<&VehicleId> = outcome
+        .fates
+        .iter()
+        .filter(|(_, fate)| !matches!(fate, Fate::Obeyed { .. }))
+        .map(|(id, _)| id)
+        .collect();
+    let ids: Vec<String> = undone.iter().map(ToString::to_string).collect();
+    let mut text = match ids.is_empty() {
+        true => "nobody was heard".to_owned(),
+        false => format!("{} is not shown by vehicle {}", kind_name(kind), ids.join(", ")),
+    };
+    for trouble in troubles {
+        text += &format!("; {trouble}");
+    }
+    CliError::Swarm(text)
+}

@@ -1,0 +1,274 @@
+//! Whether a run may begin: checks of every vehicle and of the ground station, each by itself, from what they say of
+//! themselves. Pure. What nobody reports is said to be not known, and refuses nothing but where it must be known.
+
+use std::collections::BTreeSet;
+use std::time::Duration;
+
+use serde::Serialize;
+use serde_json::{Value, json};
+use tomoswarm_proto::{Health, Hello, Lease, Mode, Report, State, StationPhase, VehicleId};
+
+use super::roll::{Roll, Seen};
+use super::status;
+use super::table::{listed, table};
+use crate::geom::{Point, Polygon};
+use crate::time::Time;
+
+/// A vehicle whose state is older is not fresh.
+const FRESH: Duration = Duration::from_secs(1);
+/// Charge that a run begins with at least, 0 to 1.
+const BATTERY: f64 = 0.5;
+/// Room that a vehicle must have for its data, MB.
+const DISK_MB: u32 = 200;
+/// A vehicle begins within this distance of its home, metres.
+const HOME_M: f64 = 2.0;
+/// The pose deviation that is allowed where no file says it, metres.
+pub const POSE_SD_MAX_M: f64 = 0.5;
+
+/// What is looked for.
+#[derive(Clone, PartialEq, Debug)]
+pub struct Needs {
+    /// Who shall take part.
+    pub vehicles: BTreeSet<VehicleId>,
+    /// Hash of the own venue file.
+    pub venue_hash: u64,
+    /// Where vehicles may be.
+    pub fence: Polygon,
+    /// Where they begin; vehicle 1 at the first.
+    pub homes: Vec<Point>,
+    /// Deviation of a place that is allowed, metres; `None` = not known, then [`POSE_SD_MAX_M`].
+    pub pose_sd_max_m: Option<f64>,
+    /// Version of the own software.
+    pub software: String,
+}
+
+/// How a check came out.
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Debug, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Light {
+    /// As it should be.
+    Go,
+    /// Not reported; refuses nothing.
+    Unknown,
+    /// A run may not begin like this.
+    NoGo,
+}
+
+/// One check.
+#[derive(Clone, PartialEq, Eq, Debug, Serialize)]
+pub struct Check {
+    /// What was looked at, in a word.
+    pub what: &'static str,
+    /// How it came out.
+    pub light: Light,
+    /// What was found.
+    pub found: String,
+}
+
+/// All checks of one node.
+#[derive(Clone, PartialEq, Eq, Debug, Serialize)]
+pub struct Node {
+    /// `vehicle 3` or `ground`.
+    pub node: String,
+    /// Its checks, always the same ones in the same order.
+    pub checks: Vec<Check>,
+}
+
+/// Looks at everyone.
+pub fn inspect(roll: &Roll, needs: &Needs, now: Time) -> Vec<Node> {
+    let nothing = Seen::default();
+    let vehicle = |id: &VehicleId| Node {
+        node: format!("vehicle {id}"),
+        checks: of_vehicle(*id, roll.vehicle(*id).unwrap_or(&nothing), needs, now),
+    };
+    let mut nodes: Vec<Node> = needs.vehicles.iter().map(vehicle).collect();
+    nodes.push(Node { node: "ground".to_owned(), checks: of_ground(roll, needs, now) });
+    nodes
+}
+
+/// Tells whether a run may begin.
+pub fn is_go(nodes: &[Node]) -> bool {
+    // The ground station alone is no swarm.
+    nodes.len() > 1 && nodes.iter().flat_map(|node| &node.checks).all(|check| check.light != Light::NoGo)
+}
+
+/// Gives the checks as a table, what refuses in capitals.
+pub fn text(nodes: &[Node]) -> String {
+    let rows: Vec<Vec<String>> = nodes
+        .iter()
+        .flat_map(|node| node.checks.iter().map(|check| (&node.node, check)))
+        .map(|(node, check)| {
+            let light = match check.light {
+                Light::Go => "go",
+                Light::Unknown => "not known",
+                Light::NoGo => "NO-GO",
+            };
+            vec![node.clone(), check.what.to_owned(), light.to_owned(), check.found.clone()]
+        })
+        .collect();
+    let verdict = match (is_go(nodes), nodes.len()) {
+        (true, _) => "GO",
+        (false, 0 | 1) => "NO-GO: no vehicle was heard, and none was named",
+        (false, _) => "NO-GO",
+    };
+    format!("{}{verdict}\n", table(&["node", "check", "", "found"], &rows))
+}
+
+/// Gives the checks as one object.
+pub fn json(nodes: &[Node]) -> Value {
+    json!({"go": is_go(nodes), "nodes": nodes})
+}
+
+fn check(what: &'static str, is_right: bool, found: String) -> Check {
+    Check { what, light: if is_right { Light::Go } else { Light::NoGo }, found }
+}
+
+/// Checks what was said; what was not said is `silent`.
+fn said<T>(what: &'static str, said: Option<T>, silent: Light, look: impl Fn(T) -> (bool, String)) -> Check {
+    match said {
+        None => Check { what, light: silent, found: "not reported".to_owned() },
+        Some(said) => {
+            let (is_right, found) = look(said);
+            check(what, is_right, found)
+        }
+    }
+}
+
+fn of_vehicle(id: VehicleId, seen: &Seen, needs: &Needs, now: Time) -> Vec<Check> {
+    let state = seen.state.as_ref().map(|state| &state.said);
+    let health = seen.health.as_ref().map(|health| &health.said);
+    let hello = seen.hello.as_ref().map(|hello| &hello.said);
+    let age_s = seen.state.as_ref().map(|state| state.age(now));
+    let on_bus = said("bus", age_s, Light::NoGo, |age| {
+        (age < FRESH, format!("newest state {:.1} s ago", age.as_secs_f64()))
+    });
+    let no_go = Light::NoGo;
+    let mut checks = vec![on_bus];
+    checks.extend(of_hello(hello, needs));
+    checks.push(said("pose", state, no_go, |state| pose(state, needs)));
+    checks.push(said("fence", state, no_go, |state| {
+        let at = Point::from(state.pose.at);
+        (needs.fence.contains(at), format!("at {:.2}, {:.2} m", at.x_m, at.y_m))
+    }));
+    checks.push(said("home", state, no_go, |state| home(id, state, &needs.homes)));
+    checks.push(said("battery", state, no_go, |state| {
+        (state.battery > BATTERY, format!("{:.0} %, over {:.0} % needed", state.battery * 1e2, BATTERY * 1e2))
+    }));
+    checks.push(said("mode", state, no_go, |state| {
+        (!matches!(state.mode, Mode::Held | Mode::Emergency), status::mode(state.mode).to_owned())
+    }));
+    checks.push(said("radio", health, no_go, |health| radio(id, health, needs)));
+    checks.push(said("disk", health.and_then(|health| health.disk_free_mb), Light::Unknown, |free_mb| {
+        (free_mb > DISK_MB, format!("{free_mb} MB free, over {DISK_MB} MB needed"))
+    }));
+    checks.push(said("samples", health, no_go, |health| {
+        (
+            health.samples_lost == 0,
+            format!("{} lost, {} waiting", health.samples_lost, health.samples_waiting),
+        )
+    }));
+    checks.push(said("troubles", health, no_go, |health| {
+        (health.troubles.is_empty(), status::troubles(&health.troubles))
+    }));
+    checks.push(failsafes(hello));
+    checks
+}
+
+fn of_hello(hello: Option<&Hello>, needs: &Needs) -> [Check; 2] {
+    let software = said("software", hello, Light::NoGo, |hello| {
+        let found = match hello.software == needs.software {
+            true => hello.software.clone(),
+            false => format!("{}, here it is {}", hello.software, needs.software),
+        };
+        (hello.software == needs.software, found)
+    });
+    let venue = said("venue", hello, Light::NoGo, |hello| {
+        let (theirs, ours) = (hello.venue_hash, needs.venue_hash);
+        let found = match theirs == ours {
+            true => format!("hash {ours:016x}"),
+            false => format!("another venue file: hash {theirs:016x}, here {ours:016x}"),
+        };
+        (theirs == ours, found)
+    });
+    [software, venue]
+}
+
+fn pose(state: &State, needs: &Needs) -> (bool, String) {
+    let most_m = needs.pose_sd_max_m.unwrap_or(POSE_SD_MAX_M);
+    let assumed = if needs.pose_sd_max_m.is_none() { " (assumed: no file here says the limit)" } else { "" };
+    (state.pose.sd_m <= most_m, format!("± {:.2} m, at most {most_m:.2} m{assumed}", state.pose.sd_m))
+}
+
+fn home(id: VehicleId, state: &State, homes: &[Point]) -> (bool, String) {
+    let Some(home) = usize::from(id.0).checked_sub(1).and_then(|index| homes.get(index)) else {
+        return (false, format!("the venue has no home of vehicle {id}"));
+    };
+    let away_m = home.distance_to(state.pose.at.into());
+    (away_m <= HOME_M, format!("{away_m:.2} m away, at most {HOME_M:.0} m"))
+}
+
+fn radio(id: VehicleId, health: &Health, needs: &Needs) -> (bool, String) {
+    let missing: Vec<VehicleId> = needs
+        .vehicles
+        .iter()
+        .copied()
+        .filter(|other| *other != id && !health.hears.contains(other))
+        .collect();
+    let found = match missing.is_empty() {
+        true => format!("hears {}", listed(&health.hears)),
+        false => format!("hears {}, not {}", listed(&health.hears), listed(&missing)),
+    };
+    (missing.is_empty(), found)
+}
+
+/// The autopilot's failsafes, as far as the vehicle names them among its capabilities: `failsafe:...`, or
+/// `no-failsafe:...` for one that is switched off.
+fn failsafes(hello: Option<&Hello>) -> Check {
+    let named = |prefix: &str| -> Vec<&str> {
+        let words = hello.into_iter().flat_map(|hello| &hello.capabilities);
+        words.filter_map(|word| word.strip_prefix(prefix)).collect()
+    };
+    let (set, unset) = (named("failsafe:"), named("no-failsafe:"));
+    match (set.is_empty(), unset.is_empty()) {
+        (true, true) => said("failsafes", None::<()>, Light::Unknown, |()| (true, String::new())),
+        (_, true) => check("failsafes", true, listed(&set)),
+        (_, false) => check("failsafes", false, format!("off: {}", listed(&unset))),
+    }
+}
+
+fn of_ground(roll: &Roll, needs: &Needs, now: Time) -> Vec<Check> {
+    let report = roll.ground(now).map(|report| &report.said);
+    let no_go = Light::NoGo;
+    let live = roll.grounds().filter(|report| report.age(now) <= super::roll::GROUND_LIVES).count();
+    let mut checks = vec![check("bus", live == 1, format!("{live} live ground stations"))];
+    checks.extend(of_hello(roll.ground_hello().map(|hello| &hello.said), needs));
+    let lease = |report: &Report| {
+        let Lease { number, holder } = report.lease;
+        let highest = roll.lease(now);
+        let found = match report.lease == highest {
+            true => format!("{number} ({holder:016x})"),
+            false => format!("{number}, but vehicles obey {} ({:016x})", highest.number, highest.holder),
+        };
+        (number > 0 && report.lease == highest, found)
+    };
+    checks.push(said("lease", report, no_go, lease));
+    checks.push(said("phase", report, no_go, |report| {
+        let is_free = matches!(report.phase, StationPhase::Idle | StationPhase::Waiting);
+        (is_free, status::phase(report.phase).to_owned())
+    }));
+    checks.push(said("standing", report, no_go, |report| {
+        (report.standing.is_none(), report.standing.map_or("nothing", status::kind_name).to_owned())
+    }));
+    checks.push(said("vehicles", report, no_go, |report| {
+        let unknown: Vec<VehicleId> =
+            needs.vehicles.iter().copied().filter(|id| !report.members.contains(id)).collect();
+        (unknown.is_empty(), format!("plans for {}, not for {}", listed(&report.members), listed(&unknown)))
+    }));
+    checks.push(said("store", report, no_go, |report| {
+        (report.troubles.is_empty(), format!("troubles: {}", status::troubles(&report.troubles)))
+    }));
+    checks
+}
+
+#[cfg(test)]
+mod tests;

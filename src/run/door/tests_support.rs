@@ -1,0 +1,92 @@
+//! What the door's tests say in the name of vehicles and of the ground.
+
+use tomoswarm_proto::{
+    Boot, Lease, Message, Mode, Order, OrderKind, Ordered, PoseReport, Position, Report, Revision, RunId,
+    Sender, State, StationPhase, VehicleId,
+};
+
+use super::super::bus::Heard;
+use crate::time::Time;
+
+/// A moment, in seconds.
+pub fn at(at_s: f64) -> Time {
+    Time::from_secs_f64(at_s)
+}
+
+/// A message as the bus hands it on.
+pub fn heard(message: Message) -> Heard {
+    let sender = message.author().unwrap_or(Sender::Ground);
+    Heard::Message(sender, message)
+}
+
+/// A sound state of a vehicle that stands at (its number, 1).
+pub fn state(vehicle: u8) -> State {
+    let at = Position { x_m: f64::from(vehicle), y_m: 1.0, z_m: 0.0 };
+    State {
+        vehicle: VehicleId(vehicle),
+        boot: Boot(1),
+        sequence: 1,
+        pose: PoseReport { at, heading_rad: 0.0, sd_m: 0.05 },
+        speed_mps: 0.0,
+        mode: Mode::Idle,
+        battery: 0.9,
+        leg: None,
+        accepted: (RunId(0), Revision(0)),
+        ordered: Ordered::default(),
+    }
+}
+
+/// A report of an idle ground station that holds lease 4.
+pub fn report() -> Report {
+    Report {
+        boot: Boot(1),
+        lease: Lease { number: 4, holder: 44 },
+        store: 1,
+        phase: StationPhase::Idle,
+        members: vec![VehicleId(1), VehicleId(2)],
+        ..Report::default()
+    }
+}
+
+/// A vehicle that obeys as the real one does: what is above its echo.
+pub struct Rover {
+    /// What it says.
+    pub state: State,
+}
+
+impl Rover {
+    /// A vehicle that was ordered nothing yet.
+    pub fn new(vehicle: u8) -> Rover {
+        Rover { state: state(vehicle) }
+    }
+
+    /// A vehicle that has obeyed this.
+    pub fn ordered(vehicle: u8, lease: Lease, revision: u32, kind: OrderKind) -> Rover {
+        let mut rover = Rover::new(vehicle);
+        rover.state.ordered =
+            Ordered { lease, revision: Revision(revision), run: RunId(1), kind: Some(kind) };
+        rover
+    }
+
+    /// Obeys an order if it is above the echo.
+    pub fn obey(&mut self, order: &Order) {
+        let is_newer = (order.lease, order.revision) > self.state.ordered.edition();
+        if order.vehicle == self.state.vehicle && is_newer {
+            let Order { lease, revision, run, kind, .. } = *order;
+            self.state.ordered = Ordered { lease, revision, run, kind: Some(kind) };
+        }
+    }
+
+    /// Says its state.
+    pub fn say(&mut self) -> Heard {
+        self.state.sequence += 1;
+        heard(Message::State(self.state.clone()))
+    }
+
+    /// Starts anew: nothing was ordered yet.
+    pub fn restart(&mut self) {
+        self.state.boot.0 += 1;
+        self.state.sequence = 0;
+        self.state.ordered = Ordered::default();
+    }
+}
