@@ -59,13 +59,13 @@ fn lossy() -> (Vec<(f64, Act)>, Weather) {
 
 #[test]
 fn the_comparison_finds_maps_that_nobody_repairs() {
-    for fault in [Fault::NoWants, Fault::NoDigests, Fault::NoAnswers] {
+    for fault in [Fault::Wants, Fault::Digests, Fault::Tiles] {
         let (script, weather) = lossy();
         let mut network = Network::new(3, weather);
         network.play(&script, 5.0);
         network.calm();
         network.plant(fault);
-        assert_eq!(network.run_until_equal(20.0), None, "{fault:?} was not found");
+        assert_eq!(network.run_until_equal(20.0), None, "that {fault:?} are missing was not found");
         assert!(network.difference().is_some());
     }
     let (script, weather) = lossy();

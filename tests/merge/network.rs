@@ -47,12 +47,12 @@ pub enum Act {
     Join,
 }
 
-/// What is broken on purpose.
+/// What is never sent, on purpose.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub enum Fault {
-    NoWants,
-    NoDigests,
-    NoAnswers,
+    Wants,
+    Digests,
+    Tiles,
 }
 
 /// The station hears as this node.
@@ -278,11 +278,12 @@ impl Network {
     }
 
     fn publish(&mut self, from: usize, message: Message) {
-        let muted = match (self.fault, &message) {
-            (Some(Fault::NoWants), Message::Want(_)) | (Some(Fault::NoDigests), Message::Digest(_)) => true,
-            (Some(Fault::NoAnswers), Message::Tile(_)) => true,
-            _ => false,
-        };
+        let muted = matches!(
+            (self.fault, &message),
+            (Some(Fault::Wants), Message::Want(_))
+                | (Some(Fault::Digests), Message::Digest(_))
+                | (Some(Fault::Tiles), Message::Tile(_))
+        );
         if muted {
             return;
         }
