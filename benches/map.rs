@@ -1,13 +1,14 @@
-//! Measures what a scan costs the map. Run: `cargo bench --bench map`.
+//! Measures what a scan costs the map, and a tile the wire. Run: `cargo bench --bench map`.
 #![allow(clippy::disallowed_methods, reason = "a benchmark reads the clock")]
 
 use std::hint::black_box;
+use std::sync::Arc;
 use std::time::Instant;
 
 use tomoswarm::geom::{Angle, Lattice, Point, Segment};
 use tomoswarm::map::{Body, CellRect, Mapper, Merged, PeerBody, ScanReading};
 use tomoswarm::plan::Corridor;
-use tomoswarm_proto::{Boot, LayerId, VehicleId};
+use tomoswarm_proto::{Boot, LayerId, Message, TileReport, VehicleId, codec};
 
 const SCANS: usize = 60_000;
 
@@ -16,10 +17,44 @@ fn main() {
     println!("record, on the move:      {:.2} us a scan", median(&mut fresh_us));
     let mut released_us: Vec<f64> = (0..5).map(|_| drive(release).1).collect();
     println!("view and release of 4 m:  {:.2} us a question", median(&mut released_us));
+    let scanned = tile_of(&drive(|_, _| 0.0).2);
+    let worst =
+        TileReport { cells: Arc::new(std::array::from_fn(|index| (index % 7) as i8)), ..scanned.clone() };
+    for (name, tile) in [("scanned tile", scanned), ("worst tile", worst)] {
+        let (bytes, encode_us, decode_us) = wire(&Message::Tile(tile));
+        println!("{name:<24}  {bytes} bytes, encoded in {encode_us:.2} us, decoded in {decode_us:.2} us");
+    }
 }
 
-/// Drives a 10 m ring past walls with a swinging beam; gives µs a scan and µs a question.
-fn drive(mut ask: impl FnMut(&Merged, f64) -> f64) -> (f64, f64) {
+/// Gives the tile that takes the most bytes.
+fn tile_of(map: &Merged) -> TileReport {
+    let reports =
+        map.layers().flat_map(|(id, layer)| layer.tiles().map(move |(at, tile)| tile.report(id, at)));
+    let bytes =
+        |tile: &TileReport| codec::encode(&Message::Tile(tile.clone())).map_or(0, |frame| frame.len());
+    reports.max_by_key(bytes).unwrap_or_else(|| panic!("the drive left no tile"))
+}
+
+/// Gives the bytes of a message, and the time to write and to read it, µs.
+fn wire(message: &Message) -> (usize, f64, f64) {
+    let frame = codec::encode(message).unwrap_or_else(|error| panic!("{error}"));
+    let timed = |work: &dyn Fn()| {
+        let mut runs_us: Vec<f64> = (0..20)
+            .map(|_| {
+                let start = Instant::now();
+                (0..1000).for_each(|_| work());
+                start.elapsed().as_secs_f64() * 1e3
+            })
+            .collect();
+        median(&mut runs_us)
+    };
+    let encode_us = timed(&|| drop(black_box(codec::encode(black_box(message)))));
+    let decode_us = timed(&|| drop(black_box(codec::decode(black_box(&frame)))));
+    (frame.len(), encode_us, decode_us)
+}
+
+/// Drives a 10 m ring past walls with a swinging beam; gives µs a scan, µs a question, and the map.
+fn drive(mut ask: impl FnMut(&Merged, f64) -> f64) -> (f64, f64, Merged) {
     let own = LayerId { vehicle: VehicleId(1), boot: Boot(1) };
     let mut map = Merged::new(Lattice::new(0.2), Some(own));
     let mut mapper = Mapper::new(own, 0);
@@ -47,7 +82,7 @@ fn drive(mut ask: impl FnMut(&Merged, f64) -> f64) -> (f64, f64) {
             asked.push(ask(&map, turn_rad));
         }
     }
-    (scan_us / SCANS as f64, median(&mut asked))
+    (scan_us / SCANS as f64, median(&mut asked), map)
 }
 
 /// Asks how much of the next 4 m is released; gives µs.

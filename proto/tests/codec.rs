@@ -218,7 +218,7 @@ fn a_tile_of_any_other_number_of_cells_is_refused() {
 #[test]
 fn the_same_tile_written_in_other_pieces_is_the_same_message() {
     let plain = [vec![127], vec![239; 128]].concat().repeat(8);
-    let runs = [vec![255, 239].repeat(7), vec![128 + 111, 239]].concat();
+    let runs = [[255, 239].repeat(7), vec![128 + 111, 239]].concat();
     let (plain, runs) = (decode(&tile_frame(&plain)).unwrap(), decode(&tile_frame(&runs)).unwrap());
     assert_eq!(plain, runs);
     assert!(frame(&runs).len() < 32, "an even tile is small: {}", frame(&runs).len());

@@ -36,6 +36,27 @@ fn the_bytes_of_version_1_can_be_read() {
 }
 
 #[test]
+fn the_table_of_messages_names_every_kind_and_the_bytes_of_its_example() {
+    let path = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("README.md");
+    let text = std::fs::read_to_string(path).unwrap();
+    for (name, message) in examples() {
+        let frame = encode(&message).unwrap();
+        let row =
+            text.lines().find(|line| line.starts_with(&format!("| {} | ", frame[3])) && line.contains("`"));
+        let row = row.unwrap_or_else(|| panic!("{name} is not in the table"));
+        let cells: Vec<&str> = row.split('|').map(str::trim).collect();
+        assert_eq!(cells[2].to_lowercase(), name);
+        assert!(cells[5].starts_with(&format!("`{name}")), "{name}: {}", cells[5]);
+        assert!(
+            cells[7].starts_with(&format!("{}; ", frame.len())),
+            "{name} has {} bytes: {}",
+            frame.len(),
+            cells[7]
+        );
+    }
+}
+
+#[test]
 fn every_kind_has_an_example() {
     let mut kinds: Vec<u8> = examples().iter().map(|(_, message)| encode(message).unwrap()[3]).collect();
     kinds.dedup();

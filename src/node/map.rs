@@ -187,7 +187,15 @@ impl Map {
     fn mend(&mut self, now: Time, out: &mut Vec<Out>) {
         let mut messages = Vec::new();
         self.repair.wake(now, &self.merged, &mut messages);
-        out.extend(messages.into_iter().map(Out::Publish));
+        for message in messages {
+            if let Message::Tile(report) = &message
+                && report.layer == self.own
+            {
+                self.unshared.remove(&report.address);
+                self.occupied_again.remove(&report.address);
+            }
+            out.push(Out::Publish(message));
+        }
     }
 
     fn publish_again(&mut self, now: Time, out: &mut Vec<Out>) {

@@ -1,3 +1,5 @@
+//! What one node asks for and answers, looked at message by message.
+
 use std::sync::Arc;
 
 use tomoswarm_proto::{Boot, TILE_CELLS, VehicleId};
