@@ -2,6 +2,8 @@
 
 mod config {
     mod bundled;
+    mod bus;
     mod laws;
+    mod nodes;
     mod problems;
 }

@@ -9,5 +9,7 @@ mod fleets;
 mod obstacles;
 #[path = "sim/place.rs"]
 mod place;
+#[path = "sim/replay.rs"]
+mod replay;
 #[path = "sim/seeds.rs"]
 mod seeds;

@@ -15,6 +15,8 @@ pub const MAGIC: [u8; 2] = *b"tS";
 pub const VERSION: u8 = 1;
 /// Longest frame, bytes.
 pub const LIMIT: usize = 256 * 1024;
+/// Longest value that [`unpack`] reads, bytes: what a spoilt file claims must not take all memory.
+const UNPACK_LIMIT: usize = 256 * 1024 * 1024;
 const HEADER: usize = 4;
 /// Kind of a Hello.
 const HELLO: u8 = 0;
@@ -220,9 +222,10 @@ pub fn pack<T: serde::Serialize>(value: &T) -> Result<Vec<u8>, EncodeError> {
 /// Reads what [`pack`] wrote.
 ///
 /// # Errors
-/// The bytes are not such a value, or bytes are left over.
+/// The bytes are not such a value, or it is longer than 256 MiB, or bytes are left over.
 pub fn unpack<T: serde::de::DeserializeOwned>(bytes: &[u8]) -> Result<T, DecodeError> {
-    let (value, used) = bincode::serde::decode_from_slice(bytes, bincode::config::standard())
+    let config = bincode::config::standard().with_limit::<UNPACK_LIMIT>();
+    let (value, used) = bincode::serde::decode_from_slice(bytes, config)
         .map_err(|error| DecodeError::Body { reason: error.to_string() })?;
     if used == bytes.len() { Ok(value) } else { Err(DecodeError::Trailing { count: bytes.len() - used }) }
 }

@@ -49,25 +49,26 @@ impl Key {
     /// Gives the key of a message.
     pub fn of(sender: Sender, message: &Message) -> Key {
         let who = sender.prefix();
-        let what = match message {
-            Message::Hello(_) => "hello".to_owned(),
-            Message::State(_) => "state".to_owned(),
+        let what = message.word();
+        let about = match message {
             Message::Tile(tile) => {
                 let (layer, at) = (tile.layer, tile.address);
-                format!("tile/{}/{}/{}/{}/{}", layer.vehicle, layer.boot, at.slice, at.x, at.y)
+                format!("/{}/{}/{}/{}/{}", layer.vehicle, layer.boot, at.slice, at.x, at.y)
             }
-            Message::Digest(_) => "digest".to_owned(),
-            Message::Want(want) => format!("want/{}/{}", want.layer.vehicle, want.layer.boot),
-            Message::Plan(plan) => format!("plan/{}", plan.vehicle),
-            Message::Progress(_) => "progress".to_owned(),
-            Message::Order(order) => format!("order/{}", order.vehicle),
-            Message::Samples(_) => "samples".to_owned(),
-            Message::Have(_) => "have".to_owned(),
-            Message::Beacon(_) => "beacon".to_owned(),
-            Message::Health(_) => "health".to_owned(),
-            Message::Report(_) => "report".to_owned(),
+            Message::Want(want) => format!("/{}/{}", want.layer.vehicle, want.layer.boot),
+            Message::Plan(plan) => format!("/{}", plan.vehicle),
+            Message::Order(order) => format!("/{}", order.vehicle),
+            Message::Hello(_)
+            | Message::State(_)
+            | Message::Digest(_)
+            | Message::Progress(_)
+            | Message::Samples(_)
+            | Message::Have(_)
+            | Message::Beacon(_)
+            | Message::Health(_)
+            | Message::Report(_) => String::new(),
         };
-        Key(format!("{who}/{what}"))
+        Key(format!("{who}/{what}{about}"))
     }
 
     /// Gives who wrote under a key (without the venue's prefix); `None` when no sender has such a key.

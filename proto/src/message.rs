@@ -1,5 +1,7 @@
 //! The messages: plain data with units in the names, valid only after [`Message::check`].
 
+use std::sync::Arc;
+
 use serde::{Deserialize, Serialize};
 
 use crate::{Boot, LayerId, Lease, Revision, RunId, Sender, StopId, VehicleId};
@@ -123,7 +125,7 @@ pub struct TileReport {
     pub revision: u32,
     /// 1024 cells, row-major, x fastest; one unit = 0.1 log-odds, positive = occupied.
     #[serde(with = "crate::cells")]
-    pub cells: Vec<i8>,
+    pub cells: Arc<[i8; TILE_CELLS]>,
 }
 
 /// What a node holds of one layer.
@@ -133,6 +135,8 @@ pub struct LayerDigest {
     pub layer: LayerId,
     /// How many tiles of it.
     pub tiles: u32,
+    /// Sum of their revisions: who has the lower one lacks something.
+    pub revisions: u64,
     /// Hash over (address, revision) of all of them.
     pub hash: u64,
 }
@@ -433,6 +437,25 @@ pub enum Message {
 }
 
 impl Message {
+    /// Gives the word that its keys, files and tables name this kind by.
+    pub fn word(&self) -> &'static str {
+        match self {
+            Message::Hello(_) => "hello",
+            Message::State(_) => "state",
+            Message::Tile(_) => "tile",
+            Message::Digest(_) => "digest",
+            Message::Want(_) => "want",
+            Message::Plan(_) => "plan",
+            Message::Progress(_) => "progress",
+            Message::Order(_) => "order",
+            Message::Samples(_) => "samples",
+            Message::Have(_) => "have",
+            Message::Beacon(_) => "beacon",
+            Message::Health(_) => "health",
+            Message::Report(_) => "report",
+        }
+    }
+
     /// Gives who alone may say this message; `None` when several may (a tile is handed on by anyone, an order comes
     /// from the ground or an operator).
     pub fn author(&self) -> Option<Sender> {

@@ -2,9 +2,11 @@
 
 mod examples;
 
+use std::sync::Arc;
+
 use examples::{examples, samples};
 use proptest::prelude::*;
-use tomoswarm_proto::codec::{DecodeError, LIMIT, decode, encode};
+use tomoswarm_proto::codec::{DecodeError, Greeting, LIMIT, VERSION, decode, encode, greeting, pack, unpack};
 use tomoswarm_proto::*;
 
 fn frame(message: &Message) -> Vec<u8> {
@@ -91,7 +93,7 @@ fn impossible_states_are_refused() {
 }
 
 #[test]
-fn impossible_samples_plans_tiles_and_beacons_are_refused() {
+fn impossible_samples_plans_and_beacons_are_refused() {
     refused(&Message::Samples(samples(Some(300))), "-200 to 100 dBm");
     refused(&Message::Samples(samples(Some(i16::MIN))), "-200 to 100 dBm");
     let mut batch = samples(None);
@@ -107,9 +109,6 @@ fn impossible_samples_plans_tiles_and_beacons_are_refused() {
     refused(&Message::Plan(bent), "position");
     refused(&Message::Plan(foreign), "members");
 
-    let mut tile = example(|message| if let Message::Tile(tile) = message { Some(tile) } else { None });
-    tile.cells.pop();
-    refused(&Message::Tile(tile), "1024 cells");
     let mut beacon =
         example(|message| if let Message::Beacon(beacon) = message { Some(beacon) } else { None });
     beacon.pose.at.x_m = f64::NAN;
@@ -169,7 +168,7 @@ fn lists_are_bounded_and_in_order() {
     };
     beacon(|beacon| beacon.members = vec![VehicleId(3), VehicleId(1)], "ascending");
     beacon(|beacon| beacon.progress.vehicle = VehicleId(3), "sender");
-    let layer = LayerDigest { layer: LayerId::default(), tiles: 1, hash: 1 };
+    let layer = LayerDigest { layer: LayerId::default(), tiles: 1, revisions: 1, hash: 1 };
     refused(&Message::Digest(Digest { layers: vec![layer; 257] }), "256 layers");
     let known = vec![(TileAddress::default(), 1); 4097];
     refused(&Message::Want(Want { layer: LayerId::default(), known }), "4096 tiles");
@@ -180,6 +179,145 @@ fn lists_are_bounded_and_in_order() {
     let hello = || example(|message| if let Message::Hello(hello) = message { Some(hello) } else { None });
     refused(&Message::Hello(Hello { software: software.clone(), ..hello() }), "256 bytes");
     refused(&Message::Hello(Hello { capabilities: vec![software], ..hello() }), "32 words");
+}
+
+fn tile_frame(cells: &[u8]) -> Vec<u8> {
+    let mut frame = vec![b't', b'S', VERSION, 2, 2, 1, 1, 0, 0, 0, 1];
+    match u8::try_from(cells.len()).ok().filter(|length| *length < 251) {
+        Some(length) => frame.push(length),
+        None => {
+            frame.push(251);
+            frame.extend_from_slice(&(cells.len() as u16).to_le_bytes());
+        }
+    }
+    frame.extend_from_slice(cells);
+    frame
+}
+
+#[test]
+fn a_tile_of_any_other_number_of_cells_is_refused() {
+    let even = |cells: usize| {
+        let (long, rest) = (cells / 130, cells % 130);
+        let mut bytes = [255, 239].repeat(long);
+        if rest > 0 {
+            bytes.extend([rest as u8 + 125, 239]);
+        }
+        bytes
+    };
+    let Ok(Message::Tile(tile)) = decode(&tile_frame(&even(1024))) else { panic!("an even tile") };
+    assert_eq!(*tile.cells, [-17; TILE_CELLS]);
+    for cells in [0, 3, 130, 1023, 1025, 1027, 2048, 60_000] {
+        let refused = decode(&tile_frame(&even(cells)));
+        assert!(matches!(refused, Err(DecodeError::Body { .. })), "{cells} cells: {refused:?}");
+    }
+    for broken in [&[127, 1][..], &[255], &[0]] {
+        assert!(decode(&tile_frame(broken)).is_err());
+    }
+}
+
+#[test]
+fn the_same_tile_written_in_other_pieces_is_the_same_message() {
+    let plain = [vec![127], vec![239; 128]].concat().repeat(8);
+    let runs = [vec![255, 239].repeat(7), vec![128 + 111, 239]].concat();
+    let (plain, runs) = (decode(&tile_frame(&plain)).unwrap(), decode(&tile_frame(&runs)).unwrap());
+    assert_eq!(plain, runs);
+    assert!(frame(&runs).len() < 32, "an even tile is small: {}", frame(&runs).len());
+}
+
+#[test]
+fn a_claimed_length_of_cells_reserves_no_memory() {
+    let mut frame = vec![b't', b'S', VERSION, 2, 2, 1, 1, 0, 0, 0, 1, 253];
+    frame.extend_from_slice(&(1_u64 << 62).to_le_bytes());
+    assert!(matches!(decode(&frame), Err(DecodeError::Body { .. })));
+}
+
+#[test]
+fn a_snapshot_that_claims_more_than_there_is_is_refused() {
+    let kept = (7_u32, "words".to_owned(), vec![1_u64, 2]);
+    let bytes = pack(&kept).unwrap();
+    assert_eq!(unpack::<(u32, String, Vec<u64>)>(&bytes), Ok(kept));
+    let mut claims = vec![253];
+    claims.extend_from_slice(&(1_u64 << 61).to_le_bytes());
+    assert!(matches!(unpack::<String>(&claims), Err(DecodeError::Body { .. })));
+    assert!(matches!(unpack::<Vec<u64>>(&claims), Err(DecodeError::Body { .. })));
+    assert_eq!(unpack::<u8>(&[1, 2]), Err(DecodeError::Trailing { count: 1 }));
+}
+
+fn example_hello() -> Hello {
+    example(|message| if let Message::Hello(hello) = message { Some(hello) } else { None })
+}
+
+#[test]
+fn a_greeting_of_any_version_can_be_read() {
+    for node in
+        [Sender::Vehicle(VehicleId(0)), Sender::Vehicle(VehicleId(255)), Sender::Ground, Sender::Operator]
+    {
+        let hello = Hello { node, ..example_hello() };
+        let mut frame = frame(&Message::Hello(hello.clone()));
+        for version in 0..=255 {
+            frame[2] = version;
+            let expected = Greeting { version, node, boot: hello.boot, venue_hash: hello.venue_hash };
+            // Whatever that version writes behind the greeting.
+            for behind in [&frame[18..], &[], &[255; 40]] {
+                assert_eq!(greeting(&[&frame[..18], behind].concat()), Ok(expected));
+            }
+            assert_eq!(decode(&frame).is_ok(), version == VERSION);
+        }
+    }
+}
+
+#[test]
+fn what_is_no_greeting_is_refused() {
+    let hello = frame(&Message::Hello(example_hello()));
+    for length in 0..18 {
+        assert_eq!(greeting(&hello[..length]), Err(DecodeError::NotOurs), "{length} bytes");
+    }
+    for (name, message) in examples().into_iter().filter(|(name, _)| *name != "hello") {
+        assert_eq!(greeting(&frame(&message)), Err(DecodeError::NotOurs), "{name}");
+    }
+    for node in [258_u16, 1000, u16::MAX] {
+        let mut unknown = hello.clone();
+        unknown[4..6].copy_from_slice(&node.to_le_bytes());
+        assert!(matches!(greeting(&unknown), Err(DecodeError::Impossible { .. })), "node {node}");
+        assert!(decode(&unknown).is_err());
+    }
+}
+
+#[test]
+fn a_hello_that_contradicts_its_greeting_is_refused() {
+    let hello = frame(&Message::Hello(example_hello()));
+    for at in 4..18 {
+        let mut twisted = hello.clone();
+        twisted[at] ^= 1;
+        let reason = match decode(&twisted) {
+            Err(DecodeError::Impossible { reason }) => reason,
+            other => panic!("byte {at}: {other:?}"),
+        };
+        assert!(reason.contains("same node") || reason.contains("a node is"), "byte {at}: {reason}");
+    }
+}
+
+#[test]
+fn whoever_alone_may_say_a_message_also_has_its_key() {
+    for (name, message) in examples() {
+        let speaker = Sender::Vehicle(VehicleId(2));
+        let (author, free) = match name {
+            "plan" | "have" | "report" => (Some(Sender::Ground), false),
+            "tile" | "digest" | "want" | "order" => (None, true),
+            _ => (Some(speaker), false),
+        };
+        assert_eq!(message.author(), author, "{name}");
+        assert_eq!(message.word(), name);
+        for sender in [Sender::Ground, speaker, Sender::Operator] {
+            let key = Key::of(sender, &message);
+            assert_eq!(Key::sender(key.as_str()), Some(sender), "{}", key.as_str());
+            assert_eq!(key.as_str().strip_prefix(&sender.prefix()).unwrap().split('/').nth(1), Some(name));
+            assert_eq!(
+                free || author == Some(sender),
+                message.author().is_none_or(|author| author == sender)
+            );
+        }
+    }
 }
 
 fn position() -> impl Strategy<Value = Position> {
@@ -338,12 +476,90 @@ fn state() -> impl Strategy<Value = Message> {
         )
 }
 
+/// A tile in stretches of equal cells, some of one cell.
 fn tile() -> impl Strategy<Value = Message> {
-    let cells = prop::collection::vec(any::<i8>(), TILE_CELLS);
-    (vehicle(), any::<u32>(), any::<(i16, i32, i32)>(), any::<u32>(), cells).prop_map(
-        |(vehicle, boot, (slice, x, y), revision, cells)| {
+    let stretches = prop::collection::vec((any::<i8>(), prop_oneof![Just(1_usize), 2..300_usize]), 1..400);
+    (vehicle(), any::<u32>(), any::<(i16, i32, i32)>(), any::<u32>(), stretches).prop_map(
+        |(vehicle, boot, (slice, x, y), revision, stretches)| {
             let layer = LayerId { vehicle, boot: Boot(boot) };
+            let cells = stretches.into_iter().flat_map(|(value, count)| std::iter::repeat_n(value, count));
+            let mut cells = cells.chain(std::iter::repeat(0));
+            let cells = Arc::new(std::array::from_fn(|_| cells.next().unwrap()));
             Message::Tile(TileReport { layer, address: TileAddress { slice, x, y }, revision, cells })
+        },
+    )
+}
+
+fn health() -> impl Strategy<Value = Message> {
+    let counts = any::<[u64; 3]>();
+    let words = prop::collection::vec(".{0,30}", 0..4);
+    let hears = prop::collection::btree_set(vehicle(), 0..9);
+    (vehicle(), any::<u32>(), hears, counts, prop::option::of(any::<u32>()), words).prop_map(
+        |(vehicle, boot, hears, [samples_waiting, samples_lost, inputs_dropped], disk_free_mb, troubles)| {
+            let (boot, hears) = (Boot(boot), hears.into_iter().collect());
+            Message::Health(Health {
+                vehicle,
+                boot,
+                hears,
+                samples_waiting,
+                samples_lost,
+                inputs_dropped,
+                disk_free_mb,
+                troubles,
+            })
+        },
+    )
+}
+
+fn order_kind() -> impl Strategy<Value = OrderKind> {
+    prop::sample::select(vec![
+        OrderKind::Start,
+        OrderKind::Hold,
+        OrderKind::Return,
+        OrderKind::Land,
+        OrderKind::Emergency,
+        OrderKind::CutMotors,
+    ])
+}
+
+fn report() -> impl Strategy<Value = Message> {
+    let phase = prop::sample::select(vec![
+        StationPhase::Idle,
+        StationPhase::Waiting,
+        StationPhase::Stopping,
+        StationPhase::Planning,
+        StationPhase::Running,
+        StationPhase::Closing,
+    ]);
+    let ids = || prop::collection::btree_set(vehicle(), 0..9);
+    let words = prop::collection::vec(".{0,30}", 0..4);
+    let standing = prop::option::of(order_kind());
+    (any::<[u32; 4]>(), any::<[u64; 3]>(), number(), phase, ids(), ids(), standing, words).prop_map(
+        |(
+            [boot, lease, laps, pictures],
+            [holder, store, samples],
+            run,
+            phase,
+            members,
+            lost,
+            standing,
+            troubles,
+        )| {
+            Message::Report(Report {
+                boot: Boot(boot),
+                lease: Lease { number: lease, holder },
+                store,
+                phase,
+                run: RunId(run),
+                laps_done: laps / 2,
+                laps,
+                samples,
+                pictures,
+                members: members.into_iter().collect(),
+                lost: lost.into_iter().collect(),
+                standing,
+                troubles,
+            })
         },
     )
 }
@@ -371,14 +587,7 @@ fn hello() -> impl Strategy<Value = Message> {
 }
 
 fn order() -> impl Strategy<Value = Message> {
-    let kind = prop::sample::select(vec![
-        OrderKind::Start,
-        OrderKind::Hold,
-        OrderKind::Return,
-        OrderKind::Land,
-        OrderKind::Emergency,
-    ]);
-    (vehicle(), [number(), number(), number()], any::<[u64; 2]>(), kind).prop_map(
+    (vehicle(), [number(), number(), number()], any::<[u64; 2]>(), order_kind()).prop_map(
         |(vehicle, [number, run, revision], [holder, seen_state], kind)| {
             let (run, revision) = (RunId(run), Revision(revision));
             Message::Order(Order {
@@ -404,6 +613,7 @@ fn bookkeeping() -> impl Strategy<Value = Message> {
                     .map(|(vehicle, boot, tiles, hash, _)| LayerDigest {
                         layer: layer(*vehicle, *boot),
                         tiles: *tiles,
+                        revisions: *hash ^ 7,
                         hash: *hash,
                     })
                     .collect(),
@@ -445,6 +655,8 @@ fn message() -> impl Strategy<Value = Message> {
         order(),
         sample_batch(),
         beacon(),
+        health(),
+        report(),
     ]
 }
 

@@ -14,9 +14,13 @@
 
 mod inbox;
 mod seat;
+mod snapshot;
+mod step;
 
 pub use inbox::{Class, Inbox, Input};
 pub use seat::Seat;
+pub use snapshot::Snapshot;
+pub use step::{Cause, NOT_DUE, Step, again};
 
 use crate::time::{Deadline, Time};
 

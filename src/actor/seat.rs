@@ -1,5 +1,6 @@
 //! An actor with its inbox: how a single-threaded runtime keeps the contract.
 
+use super::step::{self, Cause, Step};
 use super::{Actor, Fault, Inbox, Input};
 use crate::time::{Deadline, Time};
 
@@ -49,30 +50,50 @@ where
     ///
     /// # Errors
     /// The actor cannot go on, or the contract is broken: time went back, or a deadline did not move when it was due.
-    pub fn act(&mut self, now: Time, mut hand_on: impl FnMut(A::Out)) -> Result<(), Fault> {
+    pub fn act(&mut self, now: Time, hand_on: impl FnMut(A::Out)) -> Result<(), Fault>
+    where
+        A::In: Clone,
+        A::Out: Clone,
+    {
+        self.act_watched(now, None::<fn(Step<A::In, A::Out>)>, hand_on)
+    }
+
+    /// Acts as [`Seat::act`] does, and shows every step before what was said in it is handed on; the step that ended
+    /// in a fault as well. Nothing is cloned when nobody watches.
+    ///
+    /// # Errors
+    /// As for [`Seat::act`].
+    pub fn act_watched(
+        &mut self,
+        now: Time,
+        mut watch: Option<impl FnMut(Step<A::In, A::Out>)>,
+        mut hand_on: impl FnMut(A::Out),
+    ) -> Result<(), Fault>
+    where
+        A::In: Clone,
+        A::Out: Clone,
+    {
         if now < self.latest {
-            return Err(fault::<A>(format!("time went back from {} to {now} s", self.latest)));
+            return Err(step::fault::<A>(format!("time went back from {} to {now} s", self.latest)));
         }
         self.latest = now;
         loop {
-            if self.actor.deadline().is_some_and(|deadline| deadline.at <= now) {
-                self.actor.wake(now, &mut self.said)?;
-                if let Some(vain) = self.actor.deadline().filter(|next| next.at <= now) {
-                    return Err(fault::<A>(format!("woken in vain at {now} s: {} is still due", vain.why)));
-                }
-            } else if let Some(input) = self.inbox.pop() {
-                self.actor.handle(now, input, &mut self.said)?;
-            } else {
-                return Ok(());
+            let due = self.actor.deadline().filter(|deadline| deadline.at <= now);
+            let input = if due.is_some() { None } else { self.inbox.pop() };
+            let cause = match (&due, &input) {
+                (None, None) => return Ok(()),
+                (Some(deadline), _) => Some(Cause::Woken(deadline.why)),
+                (None, Some(input)) => watch.is_some().then(|| Cause::Told(input.clone())),
+            };
+            let taken = step::take(&mut self.actor, now, input, &mut self.said);
+            if let (Some(watch), Some(cause)) = (&mut watch, cause) {
+                let fault = taken.as_ref().err().map(Fault::to_string);
+                watch(Step { now, cause, said: self.said.clone(), fault });
             }
+            taken?;
             self.said.drain(..).for_each(&mut hand_on);
         }
     }
-}
-
-fn fault<A>(reason: String) -> Fault {
-    let path = std::any::type_name::<A>();
-    Fault { actor: path.rsplit("::").next().unwrap_or(path), reason }
 }
 
 #[cfg(test)]
@@ -152,5 +173,40 @@ mod tests {
         seat.act(Time::from_secs_f64(2.0), |_| {}).unwrap();
         let fault = seat.act(Time::from_secs_f64(1.0), |_| {}).unwrap_err();
         assert_eq!(fault.reason, "time went back from 2.000 to 1.000 s");
+    }
+
+    #[test]
+    fn a_watcher_sees_every_step_before_it_is_handed_on() {
+        let mut seat = Seat::new(Clock(Time::from_secs_f64(1.0)));
+        seat.push(7);
+        let order = std::cell::RefCell::new(Vec::new());
+        let watch =
+            |step: Step<u32, String>| order.borrow_mut().push(format!("{:?} {:?}", step.cause, step.said));
+        seat.act_watched(Time::from_secs_f64(1.0), Some(watch), |said| order.borrow_mut().push(said))
+            .unwrap();
+        let expected = [r#"Woken("tick") ["tick"]"#, "tick", r#"Told(7) ["told 7"]"#, "told 7"];
+        assert_eq!(order.into_inner(), expected);
+    }
+
+    #[test]
+    fn a_watcher_sees_the_fault() {
+        let mut seat = Seat::new(Stuck);
+        let mut seen = Vec::new();
+        seat.act_watched(Time::from_secs_f64(2.0), Some(|step: Step<u32, ()>| seen.push(step)), |()| {})
+            .unwrap_err();
+        assert!(seen[0].fault.as_ref().unwrap().contains("in vain") && seen.len() == 1);
+    }
+
+    #[test]
+    fn a_step_taken_again_is_the_step_and_one_out_of_turn_is_not() {
+        let at = Time::from_secs_f64;
+        let mut clock = Clock(at(1.0));
+        assert_eq!(step::again(&mut clock, at(0.5), Some(3)).said, ["told 3"]);
+        assert_eq!(step::again(&mut clock, at(0.6), None).cause, Cause::Woken(step::NOT_DUE));
+        assert_eq!(
+            step::again(&mut clock, at(1.5), Some(4)).cause,
+            Cause::Woken("tick"),
+            "what is due goes first"
+        );
     }
 }

@@ -23,7 +23,7 @@ const NAMES_SHOWN: usize = 30;
 #[derive(clap::Args, Debug)]
 #[command(after_help = AFTER_HELP)]
 pub struct CheckArgs {
-    /// Files to check: .toml (venue, scene, sim), .wrl (shapes), .csv and .json (recordings)
+    /// Files to check: .toml (venue, scene, sim, vehicle, ground, operator), .wrl (shapes), .csv and .json (recordings)
     #[arg(required = true, value_name = "FILE")]
     pub files: Vec<PathBuf>,
 }
@@ -112,7 +112,7 @@ fn understand_config(path: &Path) -> Result<String, CliError> {
             check_materials(path, scene, &shapes)?;
             understood += &shapes_lines(&shapes);
         }
-        Config::Venue(_) => {}
+        Config::Venue(_) | Config::Vehicle(_) | Config::Ground(_) | Config::Operator(_) => {}
     }
     Ok(understood)
 }

@@ -3,7 +3,10 @@
 
 use std::fmt::Write;
 
-use crate::config::{Config, Planner, RandomPersons, SceneFile, Sim, Venue};
+use super::describe_nodes::{ground_lines, operator_lines, vehicle_lines};
+use crate::config::{
+    Body, Config, Imaging, Look, Planner, RandomPersons, Safety, SceneFile, Sim, Sweep, Venue,
+};
 use crate::geom::Point;
 
 /// Describes a configuration; ends in a line break.
@@ -12,10 +15,14 @@ pub fn describe(config: &Config) -> String {
         Config::Venue(venue) => format!("a venue\n{}", lines(&venue_lines(venue))),
         Config::Scene(scene) => format!("a scene\n{}", lines(&scene_lines(scene))),
         Config::Sim(sim) => format!("a simulation\n{}", lines(&sim_lines(sim))),
+        Config::Vehicle(file) => format!("a vehicle's node\n{}", lines(&vehicle_lines(file))),
+        Config::Ground(file) => format!("a ground station's node\n{}", lines(&ground_lines(file))),
+        Config::Operator(file) => format!("an operator's commands\n{}", lines(&operator_lines(file))),
     }
 }
 
-type Line = (&'static str, String);
+/// A name and what is said under it.
+pub(super) type Line = (&'static str, String);
 
 fn lines(list: &[Line]) -> String {
     let mut text = String::new();
@@ -26,7 +33,8 @@ fn lines(list: &[Line]) -> String {
     text
 }
 
-fn venue_lines(venue: &Venue) -> Vec<Line> {
+/// Describes a place.
+pub(super) fn venue_lines(venue: &Venue) -> Vec<Line> {
     let (area, datum) = (venue.area, venue.datum);
     let homes: Vec<String> = venue.homes.iter().map(place).collect();
     vec![
@@ -116,8 +124,8 @@ fn sim_lines(sim: &Sim) -> Vec<Line> {
     list.extend(fleet_lines(sim));
     list.extend(sensing_lines(sim));
     list.extend(field_lines(sim));
-    list.push(sweep_line(sim));
-    list.extend(imaging_lines(sim));
+    list.push(sweep_line(&sim.sweep, sim.empty_sweep));
+    list.extend(imaging_lines(&sim.imaging));
     list.extend(end_lines(sim));
     list
 }
@@ -132,23 +140,25 @@ fn fleet_lines(sim: &Sim) -> Vec<Line> {
                 fleet.count, fleet.radius_m, fleet.height_m, fleet.antenna_height_m
             ),
         ),
-        (
-            "motion",
-            format!(
-                "up to {} m/s, acceleration {} m/s², braking {} m/s², turning {:.0}°/s",
-                fleet.max_speed_mps,
-                fleet.acceleration_mps2,
-                fleet.braking_mps2,
-                fleet.turn_rate_rad_per_s.to_degrees()
-            ),
-        ),
+        motion_line(&fleet.body()),
         ("pose", format!("deviation {} m over {} s", fleet.pose_sd_m, fleet.pose_correlation_s)),
     ]
 }
 
+/// Describes how a body moves.
+pub(super) fn motion_line(body: &Body) -> Line {
+    let text = format!(
+        "up to {} m/s, acceleration {} m/s², braking {} m/s², turning {:.0}°/s",
+        body.max_speed_mps,
+        body.acceleration_mps2,
+        body.braking_mps2,
+        body.turn_rate_rad_per_s.to_degrees()
+    );
+    ("motion", text)
+}
+
 fn sensing_lines(sim: &Sim) -> Vec<Line> {
     let (range, safety) = (&sim.range, &sim.safety);
-    let beams: Vec<String> = range.beams.iter().map(|beam| format!("{:.0}°", beam.degrees())).collect();
     vec![
         (
             "range",
@@ -163,23 +173,30 @@ fn sensing_lines(sim: &Sim) -> Vec<Line> {
                 range.height_m
             ),
         ),
-        (
-            "beams",
-            format!(
-                "{}, one every {:?} of which {:?} to settle",
-                beams.join(" "),
-                range.scan_period,
-                range.settle
-            ),
-        ),
-        (
-            "safety",
-            format!(
-                "padding {} m, separation {} m, pose deviation up to {} m",
-                safety.padding_m, safety.separation_m, safety.pose_sd_max_m
-            ),
-        ),
+        beams_line(&range.look()),
+        safety_line(safety),
     ]
+}
+
+/// Describes where a range sensor looks.
+pub(super) fn beams_line(look: &Look) -> Line {
+    let beams: Vec<String> = look.beams.iter().map(|beam| format!("{:.0}°", beam.degrees())).collect();
+    let text =
+        format!("{}, one every {:?} of which {:?} to settle", beams.join(" "), look.scan_period, look.settle);
+    ("beams", text)
+}
+
+/// Describes the margins that vehicles keep.
+pub(super) fn safety_line(safety: &Safety) -> Line {
+    let text = format!(
+        "padding {} m, separation {} m, pose deviation up to {} m; without bus {:?}, home at {:.0} % of the battery",
+        safety.padding_m,
+        safety.separation_m,
+        safety.pose_sd_max_m,
+        safety.autonomy,
+        safety.battery_return * 100.0
+    );
+    ("safety", text)
 }
 
 fn field_lines(sim: &Sim) -> Vec<Line> {
@@ -218,14 +235,14 @@ fn field_lines(sim: &Sim) -> Vec<Line> {
     ]
 }
 
-fn sweep_line(sim: &Sim) -> Line {
-    let sweep = &sim.sweep;
+/// Describes how a sweep is driven, and whether an empty one is driven first.
+pub(super) fn sweep_line(sweep: &Sweep, is_empty_first: bool) -> Line {
     let planner = match sweep.planner {
         Planner::RotatingGap => "rotating gap",
         Planner::Fan => "fan",
     };
     let laps = sweep.laps.map_or("the planner's laps".to_owned(), |laps| format!("{laps} laps"));
-    let first = if sim.empty_sweep { ", an empty sweep first" } else { "" };
+    let first = if is_empty_first { ", an empty sweep first" } else { "" };
     let text = format!(
         "{planner} over {} positions, {laps}, dwell {:?} to {:?}{first}",
         sweep.positions, sweep.dwell, sweep.dwell_limit
@@ -233,8 +250,8 @@ fn sweep_line(sim: &Sim) -> Line {
     ("sweep", text)
 }
 
-fn imaging_lines(sim: &Sim) -> Vec<Line> {
-    let imaging = &sim.imaging;
+/// Describes how images are made.
+pub(super) fn imaging_lines(imaging: &Imaging) -> Vec<Line> {
     vec![
         (
             "image",

@@ -65,6 +65,11 @@ pub enum CliError {
 }
 
 impl CliError {
+    /// Makes the error of an answer that cannot be written.
+    pub fn stdout(source: io::Error) -> CliError {
+        CliError::Write { path: "standard output".into(), source }
+    }
+
     /// Gives the exit code of the program: 1 or 2, as above.
     pub fn exit_code(&self) -> u8 {
         match self {

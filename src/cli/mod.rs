@@ -6,10 +6,13 @@
 mod answer;
 pub mod check;
 mod describe;
+mod describe_nodes;
 pub mod error;
 mod folder;
 pub mod image;
 mod load;
+#[cfg(feature = "net")]
+mod logging;
 mod outputs;
 mod pictures;
 pub mod plan;
@@ -19,6 +22,10 @@ mod report;
 pub mod sim;
 mod stop;
 mod trials;
+#[cfg(feature = "net")]
+pub mod vehicle;
+#[cfg(feature = "net")]
+pub mod world;
 
 use std::process::ExitCode;
 
@@ -51,6 +58,10 @@ enum Command {
     Image(image::ImageCommand),
     Plan(plan::PlanArgs),
     Check(check::CheckArgs),
+    #[cfg(feature = "net")]
+    Vehicle(vehicle::VehicleArgs),
+    #[cfg(feature = "net")]
+    World(world::WorldArgs),
 }
 
 /// Runs the program as the command line says, and gives its exit code.
@@ -69,6 +80,10 @@ pub fn run() -> ExitCode {
         Command::Image(image) => image.run(&mut answer),
         Command::Plan(plan) => plan.run(&mut answer),
         Command::Check(check) => check.run(&mut answer),
+        #[cfg(feature = "net")]
+        Command::Vehicle(vehicle) => vehicle.run(&mut answer),
+        #[cfg(feature = "net")]
+        Command::World(world) => world.run(&mut answer),
     };
     match result {
         Ok(()) => ExitCode::SUCCESS,

@@ -9,6 +9,7 @@ use super::folder::OutputFolder;
 use super::recording::links_csv;
 use crate::geom::Point;
 use crate::ground::imager::Subject;
+use crate::sim::bus::BytesByKind;
 use crate::sim::{Found, Outcome, Scenario};
 use crate::tomo::{Link, WeightRows, npy_bytes, runs_along_a_side};
 
@@ -45,7 +46,8 @@ pub struct Report {
     scans: u64,
     events: u64,
     messages: u64,
-    bus_bytes: u64,
+    bus_bytes_by_kind: BytesByKind,
+    bus_bytes_per_vehicle_s: f64,
     found: Vec<Found>,
     persons: Vec<(String, Point)>,
     /// Images that could not be made, with the reason.
@@ -73,7 +75,8 @@ impl Report {
             scans: outcome.counts.scans,
             events: outcome.counts.events,
             messages: outcome.counts.messages,
-            bus_bytes: outcome.bus_bytes,
+            bus_bytes_by_kind: outcome.bus_bytes_by_kind(),
+            bus_bytes_per_vehicle_s: outcome.bus_bytes_per_vehicle_s(),
             found: outcome.found(),
             persons: outcome.persons.iter().map(|person| (person.name.clone(), person.at)).collect(),
             not_made: not_made(scenario, outcome),
@@ -99,7 +102,7 @@ impl Report {
              mission time      {:.1} min simulated in {:.2} s ({:.0} x real time)\n\
              links measured    {} from {} samples ({} in the empty sweep), covering {:.0} % of the area\n\
              collisions        {}; fence breaches {}; minimum separation {separation}\n\
-             work              {:.0} scans/s, {:.0} events/s of wall time; {:.1} kB/s on the bus per vehicle\n",
+             work              {:.0} scans/s, {:.0} events/s of wall time; {:.1} kB/s sent per vehicle\n",
             self.scene,
             self.vehicles,
             self.seed,
@@ -114,7 +117,7 @@ impl Report {
             self.fence_breaches,
             self.scans as f64 / self.wall_s.max(1e-9),
             self.events as f64 / self.wall_s.max(1e-9),
-            self.bus_bytes as f64 / self.simulated_s.max(1e-9) / 1e3 / self.vehicles.max(1) as f64,
+            self.bus_bytes_per_vehicle_s / 1e3,
         )
     }
 
@@ -173,7 +176,9 @@ impl Report {
             "scans": self.scans,
             "events": self.events,
             "messages": self.messages,
-            "bus_bytes": self.bus_bytes,
+            "bus_bytes": self.bus_bytes_by_kind.values().sum::<u64>(),
+            "bus_bytes_by_kind": self.bus_bytes_by_kind,
+            "bus_bytes_per_vehicle_s": self.bus_bytes_per_vehicle_s,
             "found": self.found.iter().map(found).collect::<Vec<_>>(),
             "persons": self.persons.iter().map(person).collect::<Vec<_>>(),
             "version": env!("CARGO_PKG_VERSION"),

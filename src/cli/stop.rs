@@ -19,6 +19,11 @@ pub struct Stop {
 impl Stop {
     /// Listens to requests from now on.
     pub fn listen() -> Stop {
+        Stop::listen_with(|| {})
+    }
+
+    /// Calls `ask` at the first request, on a thread of its own, for a command that waits for something else.
+    pub fn listen_with(ask: impl Fn() + Send + 'static) -> Stop {
         let stop = Stop::default();
         let flag = stop.is_asked.clone();
         // Where no handler can be set a request ends the program at once; the next run then cleans up.
@@ -26,6 +31,7 @@ impl Stop {
             if flag.swap(true, Ordering::Relaxed) {
                 std::process::exit(ENDED_AT_ONCE);
             }
+            ask();
         });
         stop
     }

@@ -1,4 +1,4 @@
-//! Venue, scene and simulation files: text in, checked values out.
+//! Venue, scene, simulation and node files: text in, checked values out.
 //!
 //! A file is TOML and names its `kind`. It is read into a tree with line numbers and taken apart key
 //! by key, so that *all* mistakes of all files are listed at once ([`Problems`]), each with file,
@@ -7,10 +7,13 @@
 //! the key names; what is left out has a default.
 //!
 //! This module opens no files and reads no environment: content is passed in, and a simulation's
-//! venue and scene come from the `loader` of the caller. It does not read the scene's shapes (`.wrl`)
-//! and does not place random persons.
+//! venue and scene come from the `loader` of the caller. It does not read the scene's shapes (`.wrl`),
+//! places no random persons, and opens neither the certificates nor the folders that a node's file names.
 
 pub mod bundled;
+mod bus_file;
+mod endpoint;
+mod ground_file;
 mod mission;
 mod nearest;
 mod outline;
@@ -21,25 +24,28 @@ mod section;
 mod sim;
 mod source;
 mod vehicle;
+mod vehicle_file;
 mod venue;
 
 use section::Section;
 use source::Source;
 
+pub use bus_file::{BusFile, Identity, Topology};
+pub use endpoint::{Endpoint, EndpointError, Protocol};
+pub use ground_file::{GroundFile, OperatorFile};
 pub use mission::{Durations, End, Imaging, Planner, Prior, Solver, Sweep, Weights};
 pub use problem::{Problem, Problems};
-pub use radio::{Bus, Partition, Radio};
+pub use radio::{Bus, OwnRadio, Partition, Radio};
 pub use scene::{Material, Object, Outline, Person, RandomPersons, SceneFile, Up};
 pub use sim::Sim;
-pub use vehicle::{RangeSensor, Safety, Vehicles};
+pub use vehicle::{Body, Look, RangeSensor, Safety, Vehicles};
+pub use vehicle_file::{Record, VehicleFile, World};
 pub use venue::{Datum, Venue};
 
 /// Gives the text of a file that another file names, or the reason why it cannot be read.
 pub type Loader<'a> = dyn FnMut(&str) -> Result<String, String> + 'a;
 
 /// The content of one configuration file.
-///
-/// The kinds `vehicle` and `ground` (field nodes) join this list when the live swarm is built.
 #[derive(Clone, PartialEq, Debug)]
 pub enum Config {
     /// The shared description of a place.
@@ -48,6 +54,12 @@ pub enum Config {
     Scene(SceneFile),
     /// A simulated mission, with its venue and scene.
     Sim(Box<Sim>),
+    /// One vehicle's node.
+    Vehicle(Box<VehicleFile>),
+    /// The ground station's node.
+    Ground(Box<GroundFile>),
+    /// An operator's commands.
+    Operator(Box<OperatorFile>),
 }
 
 /// Reads a configuration of any kind; `file_name` is used in messages and to find files named in it.
@@ -60,6 +72,9 @@ pub fn read(file_name: &str, text: &str, loader: &mut Loader) -> Result<Config, 
         Some("venue") => Some(Config::Venue(Venue::read(root))),
         Some("scene") => Some(Config::Scene(SceneFile::read(root))),
         Some("sim") => Sim::read(root, None, loader).map(|sim| Config::Sim(Box::new(sim))),
+        Some("vehicle") => VehicleFile::read(root, loader).map(|file| Config::Vehicle(Box::new(file))),
+        Some("ground") => GroundFile::read(root, loader).map(|file| Config::Ground(Box::new(file))),
+        Some("operator") => OperatorFile::read(root, loader).map(|file| Config::Operator(Box::new(file))),
         Some(_) => {
             root.refuse("kind", "is not known", KINDS);
             None
@@ -86,6 +101,33 @@ pub fn read_sim(
     read_kind(file_name, text, "sim", |root| Sim::read(root, vehicles, loader))
 }
 
+/// Reads the file of a vehicle's node, with the venue that it names.
+///
+/// # Errors
+///
+/// Every mistake of both files; a file of another kind.
+pub fn read_vehicle(file_name: &str, text: &str, loader: &mut Loader) -> Result<VehicleFile, Problems> {
+    read_kind(file_name, text, "vehicle", |root| VehicleFile::read(root, loader))
+}
+
+/// Reads the file of the ground station's node, with the venue that it names.
+///
+/// # Errors
+///
+/// Every mistake of both files; a file of another kind.
+pub fn read_ground(file_name: &str, text: &str, loader: &mut Loader) -> Result<GroundFile, Problems> {
+    read_kind(file_name, text, "ground", |root| GroundFile::read(root, loader))
+}
+
+/// Reads the file of an operator's commands, with the venue that it names.
+///
+/// # Errors
+///
+/// Every mistake of both files; a file of another kind.
+pub fn read_operator(file_name: &str, text: &str, loader: &mut Loader) -> Result<OperatorFile, Problems> {
+    read_kind(file_name, text, "operator", |root| OperatorFile::read(root, loader))
+}
+
 /// Gives the path of a file that is named in another one, relative to that one's folder.
 pub fn beside(file_name: &str, named: &str) -> String {
     match file_name.rfind('/') {
@@ -94,7 +136,8 @@ pub fn beside(file_name: &str, named: &str) -> String {
     }
 }
 
-const KINDS: &str = "a file begins with kind = \"venue\", \"scene\" or \"sim\"";
+const KINDS: &str =
+    "a file begins with kind = \"venue\", \"scene\", \"sim\", \"vehicle\", \"ground\" or \"operator\"";
 
 /// Reads a file that must be of one kind.
 fn read_kind<T>(

@@ -35,28 +35,62 @@ pub struct Radio {
     pub power_dbm: i8,
 }
 
-impl Radio {
-    pub(super) fn read(section: &Section) -> Radio {
+/// What a vehicle sets of its own radio, simulated or real.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub struct OwnRadio {
+    /// Channel number.
+    pub channel: u8,
+    /// Transmit power, dBm; beacons report it.
+    pub power_dbm: i8,
+    /// Slot T of the beacon ring.
+    pub slot: Duration,
+}
+
+impl OwnRadio {
+    /// Reads its keys out of a table that may hold others.
+    pub(super) fn read_keys(section: &Section) -> OwnRadio {
         let channel = section.whole("channel", 15, 11..=26);
         let power_dbm = section.number("power_dbm", 0.0, -40.0..=30.0);
+        let own = OwnRadio {
+            channel: u8::try_from(channel).unwrap_or(u8::MAX),
+            power_dbm: libm::round(power_dbm) as i8,
+            slot: section.duration_ms("slot_ms", 50.0, 1.0..=5000.0),
+        };
+        if f64::from(own.power_dbm) != power_dbm {
+            section.refuse("power_dbm", "is no whole number", "beacons report whole dBm");
+        }
+        own
+    }
+}
+
+/// Reads the weakest packet that a receiver hears, dBm.
+pub(super) fn read_sensitivity_dbm(section: &Section) -> f64 {
+    section.number("sensitivity_dbm", -100.0, -150.0..=-20.0)
+}
+
+impl Radio {
+    pub(super) fn read(section: &Section) -> Radio {
+        let own = OwnRadio::read_keys(section);
         let radio = Radio {
             frequency_hz: section.number("frequency_hz", 2.4e9, 1e8..=1e10),
             p0_dbm: section.number("p0_dbm", -40.0, -90.0..=20.0),
             exponent: section.number("exponent", 2.0, 1.0..=6.0),
             rician_k: section.number("rician_k", 8.0, 0.0..=1e6),
             packet_sd_db: section.number("packet_sd_db", 2.0, 0.0..=20.0),
-            sensitivity_dbm: section.number("sensitivity_dbm", -100.0, -150.0..=-20.0),
+            sensitivity_dbm: read_sensitivity_dbm(section),
             sensitivity_slope_db: section.number("sensitivity_slope_db", 2.0, 0.01..=20.0),
             object_limit_db: section.number("object_limit_db", 30.0, 1.0..=200.0),
-            slot: section.duration_ms("slot_ms", 50.0, 1.0..=5000.0),
-            channel: u8::try_from(channel).unwrap_or(u8::MAX),
-            power_dbm: libm::round(power_dbm) as i8,
+            slot: own.slot,
+            channel: own.channel,
+            power_dbm: own.power_dbm,
         };
-        if f64::from(radio.power_dbm) != power_dbm {
-            section.refuse("power_dbm", "is no whole number", "beacons report whole dBm");
-        }
         section.finish();
         radio
+    }
+
+    /// Gives what a vehicle sets of its own radio.
+    pub fn own(&self) -> OwnRadio {
+        OwnRadio { channel: self.channel, power_dbm: self.power_dbm, slot: self.slot }
     }
 
     /// Gives the wavelength, metres.

@@ -9,7 +9,7 @@ use super::mission::{Durations, End, Imaging, Planner, SMALLEST_GAP, Sweep};
 use super::radio::{Bus, Radio};
 use super::scene::SceneFile;
 use super::section::Section;
-use super::vehicle::{RangeSensor, Safety, Vehicles};
+use super::vehicle::{RangeSensor, Safety, Vehicles, sight};
 use super::venue::Venue;
 use super::{Loader, beside, read_kind};
 use crate::geom::{Point, Segment};
@@ -60,19 +60,10 @@ impl Sim {
         self.venue.homes.get(index).copied()
     }
 
-    /// Gives what a vehicle surely sees and how it stops, the one rule for its speed: the corridor that must
-    /// be known free ends half a cell's diagonal before the sure range, every beam is looked along once a
-    /// cycle, and one reading later the brakes are told.
+    /// Gives what a vehicle surely sees and how it stops, the one rule for its speed.
     pub fn sight(&self) -> Sight {
         let Sim { vehicles, range, safety, .. } = self;
-        let corridor_m = vehicles.radius_m + safety.padding_m + 2.0 * vehicles.pose_sd_m;
-        Sight {
-            range_m: range.sure_range_m,
-            margin_m: corridor_m + self.venue.cell_m * std::f64::consts::FRAC_1_SQRT_2,
-            scan_period_s: range.look_cycle().as_secs_f64(),
-            latency_s: range.scan_period.as_secs_f64(),
-            braking_mps2: vehicles.braking_mps2,
-        }
+        sight(&vehicles.body(), &range.look(), safety, self.venue.cell_m, vehicles.pose_sd_m)
     }
 
     /// Reads a simulation and the files that it names; `vehicles` replaces the number of vehicles.
@@ -119,7 +110,7 @@ impl Sim {
 }
 
 /// Loads a file that this one names; what is wrong with it is noted here too.
-fn load<T>(
+pub(super) fn load<T>(
     root: &Section,
     kind: &'static str,
     loader: &mut Loader,
@@ -146,18 +137,21 @@ fn load<T>(
 
 /// Refuses a speed at which a vehicle could not stop within what it surely sees.
 fn check_look_before_you_drive(root: &Section, sim: &Sim) {
-    if !root.source.is_sound(&["vehicles", "range", "safety"]) {
-        return;
+    if root.source.is_sound(&["vehicles", "range", "safety"]) {
+        refuse_blind_speed(root, &sim.sight(), sim.vehicles.max_speed_mps, "vehicles.max_speed_mps");
     }
-    let Err(error) = sim.sight().allow(sim.vehicles.max_speed_mps) else { return };
+}
+
+/// Refuses a speed at which a vehicle could not stop within what it surely sees; `key` names the speed.
+pub(super) fn refuse_blind_speed(root: &Section, sight: &Sight, speed_mps: f64, key: &str) {
+    let Err(error) = sight.allow(speed_mps) else { return };
     let (key, allowed) = match error {
         SpeedError::NoRoom { .. } => {
             ("range.sure_range_m", "see farther, or lower radius_m, padding_m, pose_sd_m or cell_m")
         }
-        SpeedError::TooFast { .. } | SpeedError::Value { .. } => (
-            "vehicles.max_speed_mps",
-            "lower max_speed_mps, brake harder, scan faster or with fewer beams, or see farther",
-        ),
+        SpeedError::TooFast { .. } | SpeedError::Value { .. } => {
+            (key, "lower max_speed_mps, brake harder, scan faster or with fewer beams, or see farther")
+        }
     };
     root.source.refuse(key, &format!("the vehicle cannot look before it drives: {error}"), allowed);
 }
@@ -225,10 +219,15 @@ fn check_nobody_at_home(root: &Section, sim: &Sim, number: usize, home: Point) {
 }
 
 fn check_ring(root: &Section, sim: &Sim) {
-    let reach_m = sim.vehicles.radius_m + sim.safety.padding_m;
-    let corners = sim.venue.area.corners();
+    check_border(root, &sim.venue, sim.vehicles.radius_m + sim.safety.padding_m);
+    check_gaps(root, &sim.venue, &sim.sweep, sim.vehicles.count, sim.safety.separation_m);
+}
+
+/// Refuses a fence that leaves less room around the area than a vehicle needs.
+pub(super) fn check_border(root: &Section, venue: &Venue, reach_m: f64) {
+    let corners = venue.area.corners();
     let mut sides = corners.iter().zip(corners.iter().cycle().skip(1));
-    if !sides.all(|(from, to)| sim.venue.fence.contains_corridor(Segment::new(*from, *to), reach_m)) {
+    if !sides.all(|(from, to)| venue.fence.contains_corridor(Segment::new(*from, *to), reach_m)) {
         let wrong = format!("its fence leaves less than {reach_m:.2} m around the area");
         root.refuse(
             "venue",
@@ -236,10 +235,13 @@ fn check_ring(root: &Section, sim: &Sim) {
             "vehicles drive along the area's border and need their radius and padding",
         );
     }
-    let around_m = 2.0 * (sim.venue.area.width_m() + sim.venue.area.height_m());
-    let gap_m = around_m / sim.sweep.positions as f64 * SMALLEST_GAP as f64;
-    let apart_m = sim.safety.separation_m;
-    if sim.sweep.planner == Planner::RotatingGap && sim.vehicles.count > 1 && gap_m < apart_m {
+}
+
+/// Refuses a ring on which the smallest gap between two vehicles is under their separation.
+pub(super) fn check_gaps(root: &Section, venue: &Venue, sweep: &Sweep, vehicles: usize, apart_m: f64) {
+    let around_m = 2.0 * (venue.area.width_m() + venue.area.height_m());
+    let gap_m = around_m / sweep.positions as f64 * SMALLEST_GAP as f64;
+    if sweep.planner == Planner::RotatingGap && vehicles > 1 && gap_m < apart_m {
         let wrong =
             format!("puts {SMALLEST_GAP} steps into {gap_m:.2} m, under the separation of {apart_m:.2} m");
         root.source.refuse("sweep.positions", &wrong, "fewer positions or a larger area are needed");

@@ -6,6 +6,7 @@ use std::time::Duration;
 
 use super::section::Section;
 use crate::geom::Angle;
+use crate::plan::Sight;
 
 /// How many vehicles a simulation may have: as many as the planners can keep apart on one ring.
 const VEHICLES: RangeInclusive<usize> = 2..=8;
@@ -35,15 +36,29 @@ pub struct Vehicles {
     pub pose_correlation_s: f64,
 }
 
-impl Vehicles {
-    pub(super) fn read(section: &Section, count: Option<usize>) -> Vehicles {
-        let in_file = section.whole("count", 2, VEHICLES);
-        if let Some(count) = count {
-            section.replace("count", count, VEHICLES);
-        }
-        let vehicles = Vehicles {
-            // A number that was refused is not reckoned with.
-            count: count.filter(|count| VEHICLES.contains(count)).unwrap_or(in_file),
+/// The body of one vehicle and how it moves.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub struct Body {
+    /// Radius of the body, metres.
+    pub radius_m: f64,
+    /// Height of the body, metres.
+    pub height_m: f64,
+    /// Height of the antenna above the ground, metres.
+    pub antenna_height_m: f64,
+    /// Speed limit, metres per second.
+    pub max_speed_mps: f64,
+    /// Acceleration, metres per second squared.
+    pub acceleration_mps2: f64,
+    /// Braking, metres per second squared, positive.
+    pub braking_mps2: f64,
+    /// Turn rate on the spot, radians per second.
+    pub turn_rate_rad_per_s: f64,
+}
+
+impl Body {
+    /// Reads its keys out of a table that may hold others.
+    pub(super) fn read_keys(section: &Section) -> Body {
+        Body {
             radius_m: section.number("radius_m", 0.25, 0.05..=2.0),
             height_m: section.number("height_m", 0.3, 0.05..=3.0),
             antenna_height_m: section.number("antenna_height_m", 0.5, 0.05..=10.0),
@@ -51,6 +66,40 @@ impl Vehicles {
             acceleration_mps2: section.number("acceleration_mps2", 0.5, 0.01..=20.0),
             braking_mps2: section.number("braking_mps2", 1.0, 0.01..=20.0),
             turn_rate_rad_per_s: section.number("turn_rate_deg_per_s", 90.0, 1.0..=720.0).to_radians(),
+        }
+    }
+}
+
+impl Vehicles {
+    /// Gives the body that all of them have.
+    pub fn body(&self) -> Body {
+        Body {
+            radius_m: self.radius_m,
+            height_m: self.height_m,
+            antenna_height_m: self.antenna_height_m,
+            max_speed_mps: self.max_speed_mps,
+            acceleration_mps2: self.acceleration_mps2,
+            braking_mps2: self.braking_mps2,
+            turn_rate_rad_per_s: self.turn_rate_rad_per_s,
+        }
+    }
+
+    pub(super) fn read(section: &Section, count: Option<usize>) -> Vehicles {
+        let in_file = section.whole("count", 2, VEHICLES);
+        if let Some(count) = count {
+            section.replace("count", count, VEHICLES);
+        }
+        let body = Body::read_keys(section);
+        let vehicles = Vehicles {
+            // A number that was refused is not reckoned with.
+            count: count.filter(|count| VEHICLES.contains(count)).unwrap_or(in_file),
+            radius_m: body.radius_m,
+            height_m: body.height_m,
+            antenna_height_m: body.antenna_height_m,
+            max_speed_mps: body.max_speed_mps,
+            acceleration_mps2: body.acceleration_mps2,
+            braking_mps2: body.braking_mps2,
+            turn_rate_rad_per_s: body.turn_rate_rad_per_s,
             pose_sd_m: section.number("pose_sd_m", 0.05, 0.0..=5.0),
             pose_correlation_s: section.number("pose_correlation_s", 20.0, 0.1..=3600.0),
         };
@@ -87,9 +136,66 @@ pub struct RangeSensor {
 
 impl RangeSensor {
     pub(super) fn read(section: &Section) -> RangeSensor {
-        let beams = section.numbers("beams_deg", &[0.0, 25.0, -25.0, 50.0, -50.0], 1..=64, -180.0..=180.0);
+        let look = Look::read_keys(section);
         let sensor = RangeSensor {
             height_m: section.number("height_m", 0.3, 0.02..=10.0),
+            beams: look.beams,
+            half_angle_rad: look.half_angle_rad,
+            min_range_m: look.min_range_m,
+            max_range_m: look.max_range_m,
+            sure_range_m: look.sure_range_m,
+            scan_period: look.scan_period,
+            settle: look.settle,
+            incidence_limit_rad: section.number("incidence_limit_deg", 60.0, 5.0..=90.0).to_radians(),
+            noise_sd_m: section.number("noise_sd_m", 0.01, 0.0..=1.0),
+        };
+        section.finish();
+        sensor
+    }
+
+    /// Gives what the vehicle itself knows of its sensor.
+    pub fn look(&self) -> Look {
+        Look {
+            beams: self.beams.clone(),
+            half_angle_rad: self.half_angle_rad,
+            min_range_m: self.min_range_m,
+            max_range_m: self.max_range_m,
+            sure_range_m: self.sure_range_m,
+            scan_period: self.scan_period,
+            settle: self.settle,
+        }
+    }
+
+    /// Gives the time in which every beam is looked along once.
+    pub fn look_cycle(&self) -> Duration {
+        self.look().cycle()
+    }
+}
+
+/// What a vehicle knows of its own range sensor, simulated or real: where it looks and how far.
+#[derive(Clone, PartialEq, Debug)]
+pub struct Look {
+    /// Directions of the beams against the vehicle's heading, in the order in which they are looked along.
+    pub beams: Vec<Angle>,
+    /// Half the opening of the cone, radians.
+    pub half_angle_rad: f64,
+    /// Nearest echo, metres.
+    pub min_range_m: f64,
+    /// Farthest echo, metres.
+    pub max_range_m: f64,
+    /// Up to here no echo means that nothing is there, metres.
+    pub sure_range_m: f64,
+    /// Time from one reading to the next (one beam each).
+    pub scan_period: Duration,
+    /// Time that the servo needs to point, part of the period.
+    pub settle: Duration,
+}
+
+impl Look {
+    /// Reads its keys out of a table that may hold others.
+    pub(super) fn read_keys(section: &Section) -> Look {
+        let beams = section.numbers("beams_deg", &[0.0, 25.0, -25.0, 50.0, -50.0], 1..=64, -180.0..=180.0);
+        let look = Look {
             beams: beams.into_iter().map(Angle::from_degrees).collect(),
             half_angle_rad: section.number("half_angle_deg", 15.0, 0.1..=60.0).to_radians(),
             min_range_m: section.number("min_range_m", 0.02, 0.0..=5.0),
@@ -97,24 +203,21 @@ impl RangeSensor {
             sure_range_m: section.number("sure_range_m", 3.0, 0.1..=200.0),
             scan_period: section.duration("scan_period_s", 0.1, 0.001..=10.0),
             settle: section.duration("settle_s", 0.03, 0.0..=10.0),
-            incidence_limit_rad: section.number("incidence_limit_deg", 60.0, 5.0..=90.0).to_radians(),
-            noise_sd_m: section.number("noise_sd_m", 0.01, 0.0..=1.0),
         };
-        if sensor.sure_range_m > sensor.max_range_m {
+        if look.sure_range_m > look.max_range_m {
             section.refuse("sure_range_m", "is beyond max_range_m", "at most max_range_m is allowed");
         }
-        if sensor.min_range_m >= sensor.sure_range_m {
+        if look.min_range_m >= look.sure_range_m {
             section.refuse("min_range_m", "leaves nothing to see", "less than sure_range_m is allowed");
         }
-        if sensor.settle >= sensor.scan_period {
+        if look.settle >= look.scan_period {
             section.refuse("settle_s", "leaves no time for a reading", "less than scan_period_s is allowed");
         }
-        section.finish();
-        sensor
+        look
     }
 
     /// Gives the time in which every beam is looked along once.
-    pub fn look_cycle(&self) -> Duration {
+    pub fn cycle(&self) -> Duration {
         self.scan_period * u32::try_from(self.beams.len()).unwrap_or(u32::MAX)
     }
 }
@@ -128,16 +231,41 @@ pub struct Safety {
     pub separation_m: f64,
     /// Above this deviation of the place nothing is measured or mapped, metres.
     pub pose_sd_max_m: f64,
+    /// How long a vehicle carries on when it has lost the bus, before it holds and returns.
+    pub autonomy: Duration,
+    /// Charge at which a vehicle returns, share of a full battery, 0 to 1.
+    pub battery_return: f64,
 }
 
 impl Safety {
     pub(super) fn read(section: &Section) -> Safety {
         let safety = Safety {
             padding_m: section.number("padding_m", 0.1, 0.0..=5.0),
-            separation_m: section.number("separation_m", 1.0, 0.1..=20.0),
+            separation_m: read_separation_m(section),
             pose_sd_max_m: section.number("pose_sd_max_m", 0.5, 0.01..=10.0),
+            autonomy: section.duration("autonomy_s", 60.0, 1.0..=86_400.0),
+            battery_return: section.number("battery_return", 0.2, 0.0..=0.9),
         };
         section.finish();
         safety
+    }
+}
+
+/// Reads the smallest distance between two vehicles, middle to middle, metres.
+pub(super) fn read_separation_m(section: &Section) -> f64 {
+    section.number("separation_m", 1.0, 0.1..=20.0)
+}
+
+/// Gives what a vehicle surely sees and how it stops, the one rule for its speed: the corridor that must be known free
+/// ends half a cell's diagonal before the sure range, every beam is looked along once a cycle, and one reading later
+/// the brakes are told. `pose_sd_m` is the deviation of its place, metres.
+pub(super) fn sight(body: &Body, look: &Look, safety: &Safety, cell_m: f64, pose_sd_m: f64) -> Sight {
+    let corridor_m = body.radius_m + safety.padding_m + 2.0 * pose_sd_m;
+    Sight {
+        range_m: look.sure_range_m,
+        margin_m: corridor_m + cell_m * std::f64::consts::FRAC_1_SQRT_2,
+        scan_period_s: look.cycle().as_secs_f64(),
+        latency_s: look.scan_period.as_secs_f64(),
+        braking_mps2: body.braking_mps2,
     }
 }

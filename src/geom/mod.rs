@@ -12,6 +12,7 @@ mod pose;
 mod rect;
 mod segment;
 mod track;
+mod wgs84;
 
 pub use angle::{Angle, Bearing};
 pub use grid::PixelGrid;
@@ -22,3 +23,4 @@ pub use pose::Pose;
 pub use rect::Rect;
 pub use segment::Segment;
 pub use track::Track;
+pub use wgs84::{Geodetic, TangentPlane};

@@ -2,16 +2,40 @@
 
 use std::time::Duration;
 
-use tomoswarm_proto::{Boot, Lease};
+use tomoswarm_proto::{Boot, Lease, RunId, VehicleId};
 
 use super::GroundNode;
 use super::imager::{Imager, Subject};
 use super::planner::{Method, Planner};
 use super::station::{Station, StationSettings};
-use crate::config::{Imaging, Planner as PlannerName, Sim, Solver as SolverName, Sweep, Weights};
+use crate::config::{
+    GroundFile, Imaging, Planner as PlannerName, Sim, Solver as SolverName, Sweep, Venue, Weights,
+};
 use crate::geom::{Lattice, PixelGrid, Rect};
-use crate::sweep::Ring;
+use crate::sweep::{Ring, SweepError};
 use crate::tomo::{MapSettings, Prior, SPOT_M, Settings as ImageSettings, Solver, TomoError, WeightModel};
+
+/// What a ground station is made of, before it begins.
+#[derive(Debug)]
+pub struct GroundParts {
+    /// What the station is told.
+    pub station: StationSettings,
+    /// The planner of its sweeps.
+    pub planner: Planner,
+    /// The maker of its images.
+    pub imager: Imager,
+}
+
+/// Why a ground station cannot be made of its file.
+#[derive(Clone, PartialEq, Debug, thiserror::Error)]
+pub enum PartsError {
+    /// The positions cannot be laid around the area.
+    #[error(transparent)]
+    Ring(#[from] SweepError),
+    /// The image has an impossible grid.
+    #[error(transparent)]
+    Image(#[from] TomoError),
+}
 
 /// A vehicle is lost when it has been silent for so long while others were heard.
 pub const LOST_AFTER: Duration = Duration::from_secs(30);
@@ -24,24 +48,108 @@ pub const AUTONOMY: Duration = Duration::from_secs(60);
 /// # Errors
 /// The image has an impossible grid.
 pub fn ground_node(sim: &Sim, ring: Ring, lease: Lease, store: u64) -> Result<GroundNode, TomoError> {
-    let station = Station::new(StationSettings {
+    let told = Told {
+        venue: &sim.venue,
         vehicles: sim.vehicle_ids().collect(),
-        lease: Some(lease),
-        holder: lease.holder,
-        take_over: false,
-        boot: Boot(1),
-        compare_with: None,
-        lost_after: LOST_AFTER,
-        autonomy: AUTONOMY,
-        store,
-        lattice: Lattice::new(sim.venue.cell_m),
-        bin_m: sim.imaging.bin_m,
-        spot_m: SPOT_M,
-    });
-    let planner = Planner::new(ring, method(&sim.sweep), sim.safety.separation_m, sim.durations.planner);
-    let image = |subject| image_settings(&sim.imaging, sim.venue.area, sim.radio.sensitivity_dbm, subject);
-    let imager = Imager::new(image(Subject::Change), image(Subject::Structure), sim.durations.imager)?;
-    Ok(GroundNode::new(station, planner, imager))
+        sweep: &sim.sweep,
+        imaging: &sim.imaging,
+        separation_m: sim.safety.separation_m,
+        sensitivity_dbm: sim.radio.sensitivity_dbm,
+        planner_time: sim.durations.planner,
+        imager_time: sim.durations.imager,
+        office: Office {
+            lease: Some(lease),
+            holder: lease.holder,
+            take_over: false,
+            boot: Boot(1),
+            compare_with: None,
+            lost_after: LOST_AFTER,
+            store,
+        },
+    };
+    let GroundParts { station, planner, imager } = told.parts(ring)?;
+    Ok(GroundNode::new(Station::new(station), planner, imager))
+}
+
+/// Gives what the ground station of a node's file is made of; its answers are there as soon as they are found. `boot`
+/// counts its starts, `holder` is drawn at random for its lease, `store` names its store of samples.
+///
+/// # Errors
+/// The positions cannot be laid around the area; the image has an impossible grid.
+pub fn ground_parts(
+    file: &GroundFile,
+    boot: Boot,
+    holder: u64,
+    store: u64,
+) -> Result<GroundParts, PartsError> {
+    let told = Told {
+        venue: &file.venue,
+        vehicles: file.vehicles.clone(),
+        sweep: &file.sweep,
+        imaging: &file.imaging,
+        separation_m: file.separation_m,
+        sensitivity_dbm: file.sensitivity_dbm,
+        planner_time: Duration::ZERO,
+        imager_time: Duration::ZERO,
+        office: Office {
+            lease: None,
+            holder,
+            take_over: file.take_over,
+            boot,
+            compare_with: file.compare_with,
+            lost_after: file.lost_after,
+            store,
+        },
+    };
+    let ring = Ring::new(file.venue.area, file.sweep.positions)?;
+    Ok(told.parts(ring)?)
+}
+
+/// What both kinds of files say.
+struct Told<'f> {
+    venue: &'f Venue,
+    vehicles: Vec<VehicleId>,
+    sweep: &'f Sweep,
+    imaging: &'f Imaging,
+    separation_m: f64,
+    sensitivity_dbm: f64,
+    planner_time: Duration,
+    imager_time: Duration,
+    office: Office,
+}
+
+/// Who a station is, and by which right it speaks.
+struct Office {
+    lease: Option<Lease>,
+    holder: u64,
+    take_over: bool,
+    boot: Boot,
+    compare_with: Option<RunId>,
+    lost_after: Duration,
+    store: u64,
+}
+
+impl Told<'_> {
+    fn parts(self, ring: Ring) -> Result<GroundParts, TomoError> {
+        let image = |subject| image_settings(self.imaging, self.venue.area, self.sensitivity_dbm, subject);
+        let imager = Imager::new(image(Subject::Change), image(Subject::Structure), self.imager_time)?;
+        let planner = Planner::new(ring, method(self.sweep), self.separation_m, self.planner_time);
+        let station = StationSettings {
+            vehicles: self.vehicles,
+            lease: self.office.lease,
+            holder: self.office.holder,
+            take_over: self.office.take_over,
+            boot: self.office.boot,
+            compare_with: self.office.compare_with,
+            lost_after: self.office.lost_after,
+            autonomy: AUTONOMY,
+            store: self.office.store,
+            lattice: Lattice::new(self.venue.cell_m),
+            bin_m: self.imaging.bin_m,
+            spot_m: SPOT_M,
+        };
+        Ok(GroundParts { station, planner, imager })
+    }
 }
 
 /// Gives the planner of a sweep.

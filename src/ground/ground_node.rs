@@ -1,10 +1,13 @@
 //! The three actors of the ground station, run together on one thread, as the simulator does it.
 
+use tomoswarm_proto::codec::EncodeError;
+
+use super::Acted;
 use super::imager::Imager;
 use super::planner::Planner;
 use super::route::{Effect, Event, Said, To, route};
 use super::station::Station;
-use crate::actor::{Fault, Seat};
+use crate::actor::{Fault, Seat, Snapshot};
 use crate::time::{Deadline, Time};
 
 /// The ground station's actors, wired.
@@ -14,6 +17,8 @@ pub struct GroundNode {
     planner: Seat<Planner>,
     imager: Seat<Imager>,
     routed: Vec<To>,
+    /// What the actors did and nobody has taken yet; `None` while nobody watches.
+    acted: Option<Vec<Acted>>,
 }
 
 impl GroundNode {
@@ -24,6 +29,7 @@ impl GroundNode {
             planner: Seat::new(planner),
             imager: Seat::new(imager),
             routed: Vec::new(),
+            acted: None,
         }
     }
 
@@ -57,6 +63,30 @@ impl GroundNode {
             .fold(None, Deadline::earlier)
     }
 
+    /// Begins to keep every step of every actor, for [`GroundNode::acted`].
+    pub fn watch(&mut self) {
+        self.acted.get_or_insert_default();
+    }
+
+    /// Gives what the actors did since the last call, in order; nothing unless it is watched.
+    pub fn acted(&mut self) -> Vec<Acted> {
+        self.acted.as_mut().map(std::mem::take).unwrap_or_default()
+    }
+
+    /// Gives every actor as it is now. Nothing may be unread, as it is between two calls.
+    ///
+    /// # Errors
+    /// One cannot be written, which is a mistake of this program.
+    pub fn snapshots(&self) -> Result<Vec<Snapshot>, EncodeError> {
+        [
+            Snapshot::of("station", self.station.actor()),
+            Snapshot::of("planner", self.planner.actor()),
+            Snapshot::of("imager", self.imager.actor()),
+        ]
+        .into_iter()
+        .collect()
+    }
+
     fn settle(&mut self, now: Time, effects: &mut Vec<Effect>) -> Result<(), Fault> {
         while !self.routed.is_empty() {
             for to in std::mem::take(&mut self.routed) {
@@ -74,8 +104,19 @@ impl GroundNode {
 
     fn act(&mut self, now: Time) -> Result<(), Fault> {
         let routed = &mut self.routed;
-        self.station.act(now, |said| route(Said::Station(said), routed))?;
-        self.planner.act(now, |said| route(Said::Planner(said), routed))?;
-        self.imager.act(now, |said| route(Said::Imager(said), routed))
+        self.station.act_watched(now, watcher(&mut self.acted, Acted::Station), |said| {
+            route(Said::Station(said), routed)
+        })?;
+        self.planner.act_watched(now, watcher(&mut self.acted, Acted::Planner), |said| {
+            route(Said::Planner(said), routed)
+        })?;
+        self.imager.act_watched(now, watcher(&mut self.acted, Acted::Imager), |said| {
+            route(Said::Imager(said), routed)
+        })
     }
+}
+
+/// Puts steps among those kept, if any are.
+fn watcher<S>(acted: &mut Option<Vec<Acted>>, wrap: fn(S) -> Acted) -> Option<impl FnMut(S)> {
+    acted.as_mut().map(|acted| move |step| acted.push(wrap(step)))
 }

@@ -4,6 +4,7 @@
 //! Like a vehicle it knows no device and no network: what reaches it is an [`Event`], what it wants
 //! done is an [`Effect`].
 
+mod acted;
 mod fleet;
 pub mod from_config;
 mod ground_node;
@@ -13,6 +14,7 @@ pub mod route;
 mod samples;
 pub mod station;
 
+pub use acted::Acted;
 pub use ground_node::GroundNode;
 pub use route::{Effect, Event};
 pub use samples::SampleStore;

@@ -22,7 +22,7 @@
 //! hears. `phases` brings a sweep on, `lost` says what happens when vehicles come and go, `memory` how a station is
 //! started anew, `report` what it says of itself.
 //!
-//! Deadline: `repeat` (state is published and repeated, nobody asks and waits).
+//! Deadlines: `repeat` (state is published and repeated, nobody asks and waits), `ask for or send missing tiles`.
 
 pub mod leases;
 mod lost;
@@ -36,7 +36,7 @@ use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
 use tomoswarm_proto::{
-    Boot, Lease, Message, OrderKind, Progress, RunId, Samples, State, StopId, TileReport, VehicleId, Want,
+    Boot, Lease, Message, OrderKind, Progress, RunId, Samples, State, StopId, TileReport, VehicleId,
 };
 
 use self::leases::{Change, Leases};
@@ -46,16 +46,12 @@ pub use self::words::{In, Key, Note, Out, StationSettings, Wish};
 use super::fleet::Fleet;
 use super::samples::SampleStore;
 use crate::actor::{Actor, Fault};
-use crate::map::Merged;
+use crate::map::{Merged, Repair};
 use crate::sweep::Succession;
 use crate::time::{Deadline, Time};
 
 /// Everything is looked at and repeated this often.
 const TICK: Duration = Duration::from_secs(1);
-/// Wants sent for one digest.
-const WANTS: usize = 64;
-/// Tiles sent for one want.
-const REPAIR_TILES: usize = 16;
 
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
 enum Phase {
@@ -107,6 +103,7 @@ pub struct Station {
     leases: Leases,
     fleet: Fleet,
     map: Merged,
+    repair: Repair,
     samples: SampleStore,
     phase: Phase,
     succession: Option<Succession>,
@@ -154,6 +151,7 @@ impl Station {
             leases: settings.lease.map_or(listening, Leases::held),
             fleet: Fleet::new(&settings.vehicles, settings.lease.unwrap_or(none)),
             map: Merged::new(settings.lattice, None),
+            repair: Repair::new(None),
             samples: SampleStore::new(settings.store, settings.bin_m, settings.spot_m),
             phase: Phase::Idle,
             succession: None,
@@ -199,12 +197,12 @@ impl Station {
             Message::State(state) => self.hear_state(now, state, out),
             Message::Progress(progress) => self.hear_progress(now, progress, out),
             Message::Samples(batch) => self.store(&batch),
-            Message::Tile(report) => self.join(&report),
-            Message::Digest(digest) => {
-                let wants = self.map.want(&digest).into_iter().take(WANTS);
-                out.extend(wants.map(|want| Out::Publish(Message::Want(want))));
+            Message::Tile(report) => self.join(now, &report),
+            Message::Digest(digest) => self.repair.hear_digest(now, &self.map, &digest),
+            Message::Want(want) => {
+                self.repair.hear_want(now, &self.map, &want);
+                self.mend(now, out);
             }
-            Message::Want(want) => self.repair(&want, out),
             Message::Report(report) => {
                 let change = self.leases.heard_report(now, report.lease);
                 self.lease_changed(now, change, out);
@@ -265,14 +263,17 @@ impl Station {
         }
     }
 
-    fn join(&mut self, report: &TileReport) {
+    fn join(&mut self, now: Time, report: &TileReport) {
         // A tile that cannot be joined changes nothing; its sender keeps it, and repeats it.
         let _ = self.map.join(report);
+        self.repair.pass(now, &self.map, report);
     }
 
-    fn repair(&self, want: &Want, out: &mut Vec<Out>) {
-        let tiles = self.map.answer(want, REPAIR_TILES);
-        out.extend(tiles.into_iter().map(|report| Out::Publish(Message::Tile(report))));
+    /// Asks for what is missing of the map, and sends what others miss.
+    fn mend(&mut self, now: Time, out: &mut Vec<Out>) {
+        let mut messages = Vec::new();
+        self.repair.wake(now, &self.map, &mut messages);
+        out.extend(messages.into_iter().map(Out::Publish));
     }
 
     fn wish(&mut self, now: Time, wish: Wish, out: &mut Vec<Out>) {
@@ -412,13 +413,18 @@ impl Actor for Station {
     }
 
     fn deadline(&self) -> Option<Deadline> {
-        Some(Deadline { at: self.tick_at, why: "repeat" })
+        let tick = Deadline { at: self.tick_at, why: "repeat" };
+        let repair = self.repair.deadline().map(|at| Deadline { at, why: "ask for or send missing tiles" });
+        Deadline::earlier(Some(tick), repair)
     }
 
     fn wake(&mut self, now: Time, out: &mut Vec<Out>) -> Result<(), Fault> {
         let first = out.len();
-        self.tick_at = now + TICK;
-        self.tick(now, out);
+        if self.tick_at <= now {
+            self.tick_at = now + TICK;
+            self.tick(now, out);
+        }
+        self.mend(now, out);
         self.be_silent(first, out);
         self.remember(first, out);
         Ok(())

@@ -168,7 +168,7 @@ impl Mapper {
 
     /// Judges the cells of one tile that lie within `area`.
     fn judge_tile(&mut self, map: &Merged, cone: &Cone, body: Body, area: CellRect, address: TileAddress) {
-        let own = map.layer(self.own).and_then(|layer| layer.tile(address)).map(|tile| &**tile);
+        let own = map.layer(self.own).and_then(|layer| layer.tile(address));
         let tile = Judged { address, own, sums: map.sums(address) };
         let first = origin_of(address);
         let last = Cell::new(first.x + TILE_SIDE as i32 - 1, first.y + TILE_SIDE as i32 - 1);

@@ -1,8 +1,6 @@
 //! A map as a snapshot keeps it: its tiles. Sums and digests are counted anew when it is read, so what is kept can
 //! never contradict itself.
 
-use std::sync::Arc;
-
 use serde::{Deserialize, Serialize};
 use tomoswarm_proto::{LayerId, TileReport};
 
@@ -32,7 +30,7 @@ impl TryFrom<Kept> for Merged {
     fn try_from(kept: Kept) -> Result<Merged, TileError> {
         let mut map = Merged::new(kept.lattice, kept.own);
         for report in &kept.tiles {
-            map.put(report.layer, report.address, Arc::new(Tile::from_report(report)?));
+            map.put(report.layer, report.address, Tile::from_report(report)?);
         }
         Ok(map)
     }
@@ -69,21 +67,18 @@ mod tests {
         let mut mapper = Mapper::new(layer(1), 0);
         (0..12).for_each(|turn| scanned(&mut map, &mut mapper, 30.0 * f64::from(turn)));
         let address = TileAddress { slice: 0, x: 0, y: -1 };
-        map.join(&TileReport { layer: layer(2), address, revision: 0, cells: vec![-9; TILE_CELLS] }).unwrap();
+        map.join(&TileReport {
+            layer: layer(2),
+            address,
+            revision: 0,
+            cells: std::sync::Arc::new([-9; TILE_CELLS]),
+        })
+        .unwrap();
         let mut read: Merged = codec::unpack(&codec::pack(&map).unwrap()).unwrap();
         assert_eq!(read, map);
         let mut mapper_read: Mapper = codec::unpack(&codec::pack(&mapper).unwrap()).unwrap();
         scanned(&mut map, &mut mapper, 45.0);
         scanned(&mut read, &mut mapper_read, 45.0);
         assert_eq!(read, map);
-    }
-
-    #[test]
-    fn a_tile_of_too_few_cells_is_refused() {
-        let address = TileAddress::default();
-        let tiles = vec![TileReport { layer: layer(2), address, revision: 1, cells: vec![1; 7] }];
-        let bytes = codec::pack(&Kept { lattice: Lattice::new(0.2), own: None, tiles }).unwrap();
-        let error = codec::unpack::<Merged>(&bytes).unwrap_err();
-        assert!(error.to_string().contains("1024 cells"), "{error}");
     }
 }

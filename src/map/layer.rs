@@ -10,19 +10,21 @@ use super::Tile;
 /// All tiles of one vehicle and boot.
 #[derive(Clone, PartialEq, Eq, Debug, Default)]
 pub struct Layer {
-    tiles: BTreeMap<TileAddress, Arc<Tile>>,
+    tiles: BTreeMap<TileAddress, Tile>,
+    /// Sum of all tiles' revisions.
+    revisions: u64,
     /// Sum of all tiles' hashes; a sum, so that it can be kept up to date tile by tile.
     hash: u64,
 }
 
 impl Layer {
     /// Gives a tile.
-    pub fn tile(&self, address: TileAddress) -> Option<&Arc<Tile>> {
+    pub fn tile(&self, address: TileAddress) -> Option<&Tile> {
         self.tiles.get(&address)
     }
 
     /// Gives all tiles, ascending by address.
-    pub fn tiles(&self) -> impl Iterator<Item = (TileAddress, &Arc<Tile>)> {
+    pub fn tiles(&self) -> impl Iterator<Item = (TileAddress, &Tile)> {
         self.tiles.iter().map(|(address, tile)| (*address, tile))
     }
 
@@ -38,29 +40,44 @@ impl Layer {
 
     /// Gives what this layer holds in a few bytes: equal digests mean equal tiles and revisions.
     pub fn digest(&self, layer: LayerId) -> LayerDigest {
-        LayerDigest { layer, tiles: u32::try_from(self.tiles.len()).unwrap_or(u32::MAX), hash: self.hash }
+        let tiles = u32::try_from(self.tiles.len()).unwrap_or(u32::MAX);
+        LayerDigest { layer, tiles, revisions: self.revisions, hash: self.hash }
     }
 
     /// Puts a tile in place of what was there.
-    pub(super) fn put(&mut self, address: TileAddress, tile: Arc<Tile>) {
-        self.hash = self.hash.wrapping_add(tile_hash(address, tile.revision));
+    pub(super) fn put(&mut self, address: TileAddress, tile: Tile) {
+        self.count(address, tile.revision);
         if let Some(old) = self.tiles.insert(address, tile) {
-            self.hash = self.hash.wrapping_sub(tile_hash(address, old.revision));
+            self.discount(address, old.revision);
         }
     }
 
     /// Writes cells (index in tile, new value) and counts one change of the tile.
     pub(super) fn write(&mut self, address: TileAddress, cells: impl Iterator<Item = (usize, i8)>) {
-        let tile = self.tiles.entry(address).or_insert_with(|| Arc::new(Tile::unknown()));
-        // A tile of revision 0 has just been made and is not yet part of the hash.
-        let old_hash = if tile.revision == 0 { 0 } else { tile_hash(address, tile.revision) };
-        let tile = Arc::make_mut(tile);
+        let tile = self.tiles.entry(address).or_insert_with(Tile::unknown);
+        let old = tile.revision;
+        // Who holds the cells still, in a report or a snapshot, keeps them as they are.
+        let own = Arc::make_mut(&mut tile.cells);
         for (index, value) in cells {
-            tile.cells[index] = value;
+            own[index] = value;
         }
-        tile.revision = tile.revision.saturating_add(1);
-        let new_hash = tile_hash(address, tile.revision);
-        self.hash = self.hash.wrapping_sub(old_hash).wrapping_add(new_hash);
+        tile.revision = old.saturating_add(1);
+        let new = tile.revision;
+        // A tile of revision 0 has just been made and is not yet counted.
+        if old > 0 {
+            self.discount(address, old);
+        }
+        self.count(address, new);
+    }
+
+    fn count(&mut self, address: TileAddress, revision: u32) {
+        self.hash = self.hash.wrapping_add(tile_hash(address, revision));
+        self.revisions = self.revisions.wrapping_add(u64::from(revision));
+    }
+
+    fn discount(&mut self, address: TileAddress, revision: u32) {
+        self.hash = self.hash.wrapping_sub(tile_hash(address, revision));
+        self.revisions = self.revisions.wrapping_sub(u64::from(revision));
     }
 }
 
@@ -93,9 +110,9 @@ mod tests {
         one.write(at(0, 0), [(3, 9)].into_iter());
         one.write(at(1, 0), [(3, 9)].into_iter());
         one.write(at(1, 0), [(4, 9)].into_iter());
-        let tiles: Vec<_> = one.tiles().map(|(address, tile)| (address, Arc::clone(tile))).collect();
+        let tiles: Vec<_> = one.tiles().map(|(address, tile)| (address, tile.clone())).collect();
         for (address, tile) in tiles.iter().rev() {
-            other.put(*address, Arc::clone(tile));
+            other.put(*address, tile.clone());
         }
         let id = LayerId::default();
         assert_eq!(one.digest(id), other.digest(id));

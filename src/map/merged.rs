@@ -4,11 +4,10 @@
 //! Deliberately absent: forgetting. Layers of earlier boots stay, read-only.
 
 use std::collections::BTreeMap;
-use std::sync::Arc;
 
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
-use tomoswarm_proto::{Digest, LayerId, TILE_CELLS, TileAddress, TileReport, Want};
+use tomoswarm_proto::{Digest, LayerDigest, LayerId, TILE_CELLS, TileAddress, TileReport, Want};
 
 use super::kept::Kept;
 use super::tile::{MERGED_CLAMP, Occupancy, Tile, TileError, address_of, index_in_tile, origin_of};
@@ -20,6 +19,9 @@ use crate::geom::{Cell, Lattice};
 pub const MAX_LAYERS: usize = 1024;
 /// A map holds at most this many tiles over all layers; more are refused.
 pub const MAX_TILES: usize = 65_536;
+
+/// Tiles named in a want at most; the wire carries no more.
+const WANT_TILES: usize = 4096;
 
 /// What a report did to the map.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
@@ -107,15 +109,15 @@ impl Merged {
         if (new_layer && self.layers.len() >= MAX_LAYERS) || (old.is_none() && self.tiles >= MAX_TILES) {
             return Err(Refused::Full);
         }
-        let newly_occupied = self.put(report.layer, report.address, Arc::new(tile));
+        let newly_occupied = self.put(report.layer, report.address, tile);
         Ok(Joined::Newer { newly_occupied })
     }
 
     /// Puts a tile in place of what was there; tells whether a merged cell became occupied.
-    pub(super) fn put(&mut self, layer: LayerId, address: TileAddress, tile: Arc<Tile>) -> bool {
+    pub(super) fn put(&mut self, layer: LayerId, address: TileAddress, tile: Tile) -> bool {
         let old = self.layers.get(&layer).and_then(|layer| layer.tile(address)).cloned();
         self.tiles += usize::from(old.is_none());
-        let newly_occupied = self.add_difference(address, old.as_deref(), &tile);
+        let newly_occupied = self.add_difference(address, old.as_ref(), &tile);
         self.layers.entry(layer).or_default().put(address, tile);
         newly_occupied
     }
@@ -196,30 +198,34 @@ impl Merged {
         Digest { layers: self.layers.iter().map(|(id, layer)| layer.digest(*id)).collect() }
     }
 
-    /// Gives what to ask for after hearing another node's digest: one entry for each layer that differs. Both
-    /// sides may ask; who holds nothing newer answers nothing.
-    pub fn want(&self, theirs: &Digest) -> Vec<Want> {
-        let differs = theirs.layers.iter().filter(|theirs| {
-            let ours = self.layers.get(&theirs.layer).map(|layer| layer.digest(theirs.layer));
-            self.own != Some(theirs.layer) && theirs.tiles > 0 && ours != Some(**theirs)
-        });
-        let want = |layer: LayerId| {
-            let tiles = self.layers.get(&layer).into_iter().flat_map(Layer::tiles);
-            Want { layer, known: tiles.map(|(address, tile)| (address, tile.revision)).collect() }
+    /// Tells whether a node with this digest holds something that this one does not. A layer has one writer, and
+    /// what is known of it only grows: so of two nodes that differ the one with fewer revisions asks, or both
+    /// where these are equal.
+    pub fn lacks(&self, theirs: &LayerDigest) -> bool {
+        if self.own == Some(theirs.layer) {
+            return false;
+        }
+        let Some(ours) = self.layers.get(&theirs.layer).map(|layer| layer.digest(theirs.layer)) else {
+            return theirs.tiles > 0;
         };
-        differs.map(|digest| want(digest.layer)).collect()
+        let (known, heard) = ((ours.revisions, ours.tiles), (theirs.revisions, theirs.tiles));
+        known < heard || (known == heard && ours.hash != theirs.hash)
     }
 
-    /// Gives the tiles newer than those known to who asks, ascending by address, at most `limit` of them.
-    /// Who asks again after receiving them is given the next ones.
-    pub fn answer(&self, want: &Want, limit: usize) -> Vec<TileReport> {
+    /// Gives what to ask for to complete a layer.
+    pub fn want(&self, layer: LayerId) -> Want {
+        let tiles = self.layers.get(&layer).into_iter().flat_map(Layer::tiles);
+        let known = tiles.map(|(address, tile)| (address, tile.revision)).take(WANT_TILES).collect();
+        Want { layer, known }
+    }
+
+    /// Gives the tiles newer than those known to who asks, ascending.
+    pub fn newer(&self, want: &Want) -> Vec<TileAddress> {
         let known: BTreeMap<TileAddress, u32> = want.known.iter().copied().collect();
-        let newer = self.layers.get(&want.layer).into_iter().flat_map(Layer::tiles);
-        newer
-            .filter(|(address, tile)| known.get(address).is_none_or(|revision| tile.revision > *revision))
-            .take(limit)
-            .map(|(address, tile)| tile.report(want.layer, address))
-            .collect()
+        let held = self.layers.get(&want.layer).into_iter().flat_map(Layer::tiles);
+        let newer = held
+            .filter(|(address, tile)| known.get(address).is_none_or(|revision| tile.revision > *revision));
+        newer.map(|(address, _)| address).collect()
     }
 }
 
@@ -228,6 +234,7 @@ mod tests {
     use super::*;
     use crate::geom::Point;
     use proptest::prelude::*;
+    use std::sync::Arc;
     use tomoswarm_proto::{Boot, VehicleId};
 
     fn layer(vehicle: u8, boot: u32) -> LayerId {
@@ -246,7 +253,7 @@ mod tests {
                 layer: layer(vehicle, boot),
                 address: TileAddress { slice: 0, x, y: 0 },
                 revision,
-                cells: vec![value; TILE_CELLS],
+                cells: Arc::new([value; TILE_CELLS]),
             }
         })
     }
@@ -315,8 +322,13 @@ mod tests {
             for (hearer, speaker) in (0..3).flat_map(|a| (0..3).map(move |b| (a, b))).filter(|(a, b)| a != b)
             {
                 let digest = nodes[speaker].digest();
-                for want in nodes[hearer].want(&digest) {
-                    for report in nodes[speaker].answer(&want, 2) {
+                for theirs in &digest.layers {
+                    if !nodes[hearer].lacks(theirs) {
+                        continue;
+                    }
+                    let want = nodes[hearer].want(theirs.layer);
+                    for address in nodes[speaker].newer(&want).into_iter().take(2) {
+                        let report = nodes[speaker].report(theirs.layer, address).unwrap();
                         nodes[hearer].join(&report).unwrap();
                         sent += 1;
                     }
@@ -330,13 +342,31 @@ mod tests {
     }
 
     #[test]
+    fn who_holds_fewer_revisions_lacks_something_and_who_holds_other_ones_too() {
+        let tile = |x, revision| {
+            let address = TileAddress { slice: 0, x, y: 0 };
+            TileReport { layer: layer(1, 1), address, revision, cells: Arc::new([9; TILE_CELLS]) }
+        };
+        let digest = |map: &Merged| map.digest().layers[0];
+        let (all, one) = (joined([tile(0, 2), tile(1, 1)].iter()), joined([tile(0, 2)].iter()));
+        assert!(one.lacks(&digest(&all)) && !all.lacks(&digest(&one)) && !all.lacks(&digest(&all)));
+        let other = joined([tile(1, 2)].iter());
+        assert!(one.lacks(&digest(&other)) && other.lacks(&digest(&one)));
+        assert!(listener().lacks(&digest(&one)));
+        let writer = Merged::new(Lattice::new(0.2), Some(layer(1, 1)));
+        assert!(!writer.lacks(&digest(&one)), "nobody but the writer is ahead of it");
+        let (fresh, none) = (joined([tile(0, 2), tile(3, 0)].iter()), joined([tile(0, 2)].iter()));
+        assert!(none.lacks(&digest(&fresh)) && !fresh.lacks(&digest(&none)), "a tile of revision 0 counts");
+    }
+
+    #[test]
     fn nobody_else_writes_the_own_layer_and_a_full_map_takes_no_more() {
         let mut map = Merged::new(Lattice::new(0.2), Some(layer(1, 4)));
         let mut report = TileReport {
             layer: layer(1, 4),
             address: TileAddress::default(),
             revision: 1,
-            cells: vec![17; TILE_CELLS],
+            cells: Arc::new([17; TILE_CELLS]),
         };
         assert_eq!(map.join(&report), Err(Refused::Own));
         for boot in 0..MAX_LAYERS as u32 {
@@ -367,12 +397,12 @@ mod tests {
             layer: layer(1, 1),
             address: TileAddress::default(),
             revision: 1,
-            cells: vec![-128; TILE_CELLS],
+            cells: Arc::new([-128; TILE_CELLS]),
         };
         map.join(&report).unwrap();
         assert_eq!(map.occupancy(0, Cell::new(0, 0)), Occupancy::Free);
         for vehicle in 2..4 {
-            (report.layer, report.cells) = (layer(vehicle, 1), vec![9; TILE_CELLS]);
+            (report.layer, report.cells) = (layer(vehicle, 1), Arc::new([9; TILE_CELLS]));
             map.join(&report).unwrap();
         }
         assert!(map.value(0, Cell::new(0, 0)) > 0);
@@ -383,7 +413,7 @@ mod tests {
     fn a_view_reads_as_the_map_does() {
         let mut map = listener();
         for (x, y, value) in [(-1, 0, 17), (0, 0, -9), (1, -1, 3)] {
-            let (address, cells) = (TileAddress { slice: 0, x, y }, vec![value; TILE_CELLS]);
+            let (address, cells) = (TileAddress { slice: 0, x, y }, Arc::new([value; TILE_CELLS]));
             map.join(&TileReport { layer: layer(1, 1), address, revision: 1, cells }).unwrap();
         }
         let rect =

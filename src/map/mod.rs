@@ -2,18 +2,20 @@
 //!
 //! Each vehicle writes one layer per boot; everybody holds all layers and adds them up. A tile travels whole,
 //! with absolute values, and the highest revision wins, so late, doubled, reordered or lost reports do no harm.
-//! Nothing here knows a bus, a clock or a route; who sends which tile when is the map actor's business.
+//! What the network lost is asked for and sent again by [`Repair`]. Nothing here knows a bus, a clock or a route.
 
 mod evidence;
 mod kept;
 mod layer;
 mod merged;
+mod repair;
 mod tile;
 mod window;
 
 pub use evidence::{Body, Changes, Mapper, PeerBody, ScanReading};
 pub use layer::Layer;
 pub use merged::{Joined, MAX_LAYERS, MAX_TILES, Merged, Refused};
+pub use repair::Repair;
 pub use tile::{
     FREE_TO, LAYER_CLAMP, MERGED_CLAMP, OCCUPIED_FROM, Occupancy, REACH_TILES, Tile, TileError, address_of,
     index_in_tile, origin_of,

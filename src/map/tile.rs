@@ -51,12 +51,6 @@ impl Occupancy {
 /// Why a tile from outside is refused.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Error)]
 pub enum TileError {
-    /// The number of cells is wrong.
-    #[error("a tile has {TILE_CELLS} cells, this one has {found}")]
-    CellCount {
-        /// How many came.
-        found: usize,
-    },
     /// The address lies outside the map.
     #[error("tile ({x}, {y}) lies more than {REACH_TILES} tiles from the datum")]
     OutOfReach {
@@ -67,43 +61,40 @@ pub enum TileError {
     },
 }
 
-/// One layer's values in 32 × 32 cells.
+/// One layer's values in 32 × 32 cells. A copy shares the cells: snapshot, report and store row are one.
 #[derive(Clone, PartialEq, Eq, Debug)]
 pub struct Tile {
     /// Counts the changes of this tile by its writer.
     pub revision: u32,
     /// Row-major, x fastest; 0.1 log-odds, within ± [`LAYER_CLAMP`].
-    pub cells: [i8; TILE_CELLS],
+    pub cells: Arc<[i8; TILE_CELLS]>,
 }
 
 impl Tile {
     /// Makes a tile of which nothing is known, revision 0.
-    pub const fn unknown() -> Tile {
-        Tile { revision: 0, cells: [0; TILE_CELLS] }
+    pub fn unknown() -> Tile {
+        Tile { revision: 0, cells: Arc::new([0; TILE_CELLS]) }
     }
 
     /// Reads a report; values beyond the layer clamp are clamped.
     ///
     /// # Errors
-    /// [`TileError`] when the number of cells or the address is impossible.
+    /// [`TileError`] when the address is impossible.
     pub fn from_report(report: &TileReport) -> Result<Tile, TileError> {
         let TileAddress { slice: _, x, y } = report.address;
         if !in_reach(x) || !in_reach(y) {
             return Err(TileError::OutOfReach { x, y });
         }
-        if report.cells.len() != TILE_CELLS {
-            return Err(TileError::CellCount { found: report.cells.len() });
+        let mut cells = Arc::clone(&report.cells);
+        if cells.iter().any(|cell| !(-LAYER_CLAMP..=LAYER_CLAMP).contains(cell)) {
+            cells = Arc::new(cells.map(|cell| cell.clamp(-LAYER_CLAMP, LAYER_CLAMP)));
         }
-        let mut tile = Tile { revision: report.revision, cells: [0; TILE_CELLS] };
-        for (cell, reported) in tile.cells.iter_mut().zip(&report.cells) {
-            *cell = (*reported).clamp(-LAYER_CLAMP, LAYER_CLAMP);
-        }
-        Ok(tile)
+        Ok(Tile { revision: report.revision, cells })
     }
 
     /// Gives the tile as it travels.
-    pub fn report(self: &Arc<Tile>, layer: LayerId, address: TileAddress) -> TileReport {
-        TileReport { layer, address, revision: self.revision, cells: self.cells.to_vec() }
+    pub fn report(&self, layer: LayerId, address: TileAddress) -> TileReport {
+        TileReport { layer, address, revision: self.revision, cells: Arc::clone(&self.cells) }
     }
 
     /// Tells whether this tile replaces `other`: the higher revision, and on a tie (which one writer never
@@ -137,13 +128,9 @@ fn in_reach(index: i32) -> bool {
 mod tests {
     use super::*;
 
-    fn report(x: i32, cells: Vec<i8>) -> TileReport {
-        TileReport {
-            layer: LayerId::default(),
-            address: TileAddress { slice: 0, x, y: 0 },
-            revision: 3,
-            cells,
-        }
+    fn report(x: i32, cells: [i8; TILE_CELLS]) -> TileReport {
+        let address = TileAddress { slice: 0, x, y: 0 };
+        TileReport { layer: LayerId::default(), address, revision: 3, cells: Arc::new(cells) }
     }
 
     #[test]
@@ -163,11 +150,10 @@ mod tests {
 
     #[test]
     fn a_report_is_clamped_or_refused() {
-        let mut cells = vec![0; TILE_CELLS];
+        let mut cells = [0; TILE_CELLS];
         (cells[0], cells[1], cells[2]) = (127, -128, 5);
-        let tile = Tile::from_report(&report(0, cells.clone())).unwrap();
+        let tile = Tile::from_report(&report(0, cells)).unwrap();
         assert_eq!((&tile.cells[..3], tile.revision), (&[17, -17, 5][..], 3));
-        assert_eq!(Tile::from_report(&report(0, vec![0; 1000])), Err(TileError::CellCount { found: 1000 }));
         assert_eq!(
             Tile::from_report(&report(i32::MIN, cells)),
             Err(TileError::OutOfReach { x: i32::MIN, y: 0 })
@@ -175,10 +161,11 @@ mod tests {
     }
 
     #[test]
-    fn a_tile_survives_the_wire() {
-        let mut tile = Tile::unknown();
-        (tile.revision, tile.cells[77]) = (9, -13);
-        let sent = Arc::new(tile.clone()).report(LayerId::default(), TileAddress { slice: -1, x: 4, y: -5 });
-        assert_eq!(Tile::from_report(&sent), Ok(tile));
+    fn a_tile_and_its_report_share_their_cells() {
+        let tile = Tile { revision: 9, cells: Arc::new([-13; TILE_CELLS]) };
+        let sent = tile.report(LayerId::default(), TileAddress { slice: -1, x: 4, y: -5 });
+        let received = Tile::from_report(&sent).unwrap();
+        assert_eq!(received, tile);
+        assert!(Arc::ptr_eq(&received.cells, &tile.cells));
     }
 }

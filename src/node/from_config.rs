@@ -1,48 +1,97 @@
 //! From a checked file to what a vehicle is told. It decides nothing: what cannot be driven was refused by
 //! [`crate::config`].
 
+use std::time::Duration;
+
 use tomoswarm_proto::{Boot, VehicleId};
 
 use super::settings::{BodySettings, LookSettings, RadioSettings, SafetySettings, Settings};
-use crate::config::Sim;
+use crate::config::{Body, Look, OwnRadio, Safety, Sim, VehicleFile, Venue};
 use crate::geom::{Angle, Lattice, Point};
+
+/// How long a search for a path takes in real time beyond the search itself, which has run by then.
+const PATH_TIME: Duration = Duration::from_millis(1);
 
 impl Settings {
     /// Gives what a vehicle is told by a simulation's file; `boot` counts the starts of its software.
     pub fn from_config(sim: &Sim, vehicle: VehicleId, boot: Boot, home: Point) -> Settings {
-        let range = &sim.range;
+        Told {
+            venue: &sim.venue,
+            body: sim.vehicles.body(),
+            look: &sim.range.look(),
+            radio: sim.radio.own(),
+            safety: sim.safety,
+            path_time: sim.durations.route,
+        }
+        .settings(vehicle, boot, home)
+    }
+
+    /// Gives what a vehicle is told by the file of its own node; `boot` counts the starts of its software.
+    pub fn from_vehicle_file(file: &VehicleFile, boot: Boot) -> Settings {
+        Told {
+            venue: &file.venue,
+            body: file.body,
+            look: &file.look,
+            radio: file.radio,
+            safety: file.safety,
+            path_time: PATH_TIME,
+        }
+        .settings(file.id, boot, file.home)
+    }
+}
+
+/// What both kinds of files say.
+struct Told<'f> {
+    venue: &'f Venue,
+    body: Body,
+    look: &'f Look,
+    radio: OwnRadio,
+    safety: Safety,
+    path_time: Duration,
+}
+
+impl Told<'_> {
+    fn settings(&self, vehicle: VehicleId, boot: Boot, home: Point) -> Settings {
         Settings {
             vehicle,
             boot,
-            fence: sim.venue.fence.clone(),
+            fence: self.venue.fence.clone(),
             home,
-            lattice: Lattice::new(sim.venue.cell_m),
+            lattice: Lattice::new(self.venue.cell_m),
             slice: 0,
-            body: BodySettings {
-                radius_m: sim.vehicles.radius_m,
-                speed_mps: sim.vehicles.max_speed_mps,
-                braking_mps2: sim.vehicles.braking_mps2,
-            },
-            look: LookSettings {
-                beams: range.beams.clone(),
-                half_angle: Angle::from_radians(range.half_angle_rad),
-                min_range_m: range.min_range_m,
-                max_range_m: range.max_range_m,
-                sure_range_m: range.sure_range_m,
-                period: range.scan_period,
-                settle: range.settle,
-            },
+            body: body_settings(&self.body),
+            look: look_settings(self.look),
             radio: RadioSettings {
-                channel: sim.radio.channel,
-                power_dbm: sim.radio.power_dbm,
-                slot: sim.radio.slot,
+                channel: self.radio.channel,
+                power_dbm: self.radio.power_dbm,
+                slot: self.radio.slot,
             },
-            safety: SafetySettings {
-                padding_m: sim.safety.padding_m,
-                separation_m: sim.safety.separation_m,
-                pose_sd_max_m: sim.safety.pose_sd_max_m,
-            },
-            path_time: sim.durations.route,
+            safety: safety_settings(&self.safety),
+            path_time: self.path_time,
         }
+    }
+}
+
+fn body_settings(body: &Body) -> BodySettings {
+    BodySettings { radius_m: body.radius_m, speed_mps: body.max_speed_mps, braking_mps2: body.braking_mps2 }
+}
+
+fn look_settings(look: &Look) -> LookSettings {
+    LookSettings {
+        beams: look.beams.clone(),
+        half_angle: Angle::from_radians(look.half_angle_rad),
+        min_range_m: look.min_range_m,
+        max_range_m: look.max_range_m,
+        sure_range_m: look.sure_range_m,
+        period: look.scan_period,
+        settle: look.settle,
+    }
+}
+
+fn safety_settings(safety: &Safety) -> SafetySettings {
+    SafetySettings {
+        padding_m: safety.padding_m,
+        separation_m: safety.separation_m,
+        pose_sd_max_m: safety.pose_sd_max_m,
     }
 }

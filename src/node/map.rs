@@ -5,9 +5,9 @@
 //! (to the mission at once; to the bus newly occupied ones at once, others once a second), digests and wants.
 //! It plans nothing.
 //!
-//! Deadline: `share tiles and digest`.
+//! Deadlines: `share tiles and digest`, `send an occupied tile again`, `ask for or send missing tiles`.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
@@ -18,17 +18,15 @@ use super::peers::{Peer, Peers, join_states};
 use super::sensor::Scan;
 use crate::actor::{Actor, Class, Fault, Input};
 use crate::geom::Pose;
-use crate::map::{Body, Changes, Joined, Mapper, Merged, PeerBody, ScanReading};
+use crate::map::{Body, Changes, Joined, Mapper, Merged, PeerBody, Repair, ScanReading};
 use crate::time::{Deadline, Time};
 
 /// Changed tiles and the digest are published this often.
 const SHARE_EVERY: Duration = Duration::from_secs(1);
-/// Tiles published per second at most, besides newly occupied ones: 12 kB/s.
-const SHARE_TILES: usize = 12;
-/// Wants sent for one digest.
-const WANTS: usize = 16;
-/// Tiles sent for one want.
-const REPAIR_TILES: usize = 8;
+/// Tiles published per second at most, besides newly occupied ones: typically 4 kB/s.
+const SHARE_TILES: usize = 24;
+/// A tile that becomes occupied again and again is published at once, then at most this often.
+const OCCUPIED_EVERY: Duration = Duration::from_millis(100);
 
 /// What the map actor can be told.
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
@@ -63,8 +61,16 @@ pub struct Map {
     mapper: Mapper,
     /// Where peers may be, so that they are not mapped: their last legs, or where they stand.
     peers: Peers,
+    /// Tiles of the own layer that have changed since they were published.
     unshared: BTreeSet<TileAddress>,
+    /// The last one shared: the next ones after it have their turn.
+    shared: TileAddress,
     share_at: Time,
+    /// When newly occupied tiles were published last.
+    occupied: BTreeMap<TileAddress, Time>,
+    /// Those that became occupied again since, and when they may be published.
+    occupied_again: BTreeMap<TileAddress, Time>,
+    repair: Repair,
 }
 
 impl Map {
@@ -79,7 +85,11 @@ impl Map {
             mapper: Mapper::new(own, settings.slice),
             peers: Peers::new(settings.vehicle),
             unshared: BTreeSet::new(),
+            shared: TileAddress::default(),
             share_at,
+            occupied: BTreeMap::new(),
+            occupied_again: BTreeMap::new(),
+            repair: Repair::new(Some(own)),
             settings,
         }
     }
@@ -89,7 +99,7 @@ impl Map {
         &self.merged
     }
 
-    fn scan(&mut self, scan: &Scan, out: &mut Vec<Out>) {
+    fn scan(&mut self, now: Time, scan: &Scan, out: &mut Vec<Out>) {
         if scan.suspect {
             return;
         }
@@ -104,7 +114,7 @@ impl Map {
             min_range_m: look.min_range_m,
         };
         let changes = self.record(&reading, scan.pose);
-        self.tell(changes, out);
+        self.tell(now, changes, out);
     }
 
     fn record(&mut self, reading: &ScanReading, pose: Pose) -> Changes {
@@ -119,36 +129,72 @@ impl Map {
         self.mapper.record(&mut self.merged, reading, body, &peers)
     }
 
-    fn tell(&mut self, changes: Changes, out: &mut Vec<Out>) {
+    fn tell(&mut self, now: Time, changes: Changes, out: &mut Vec<Out>) {
         if changes.is_empty() {
             return;
         }
         let report = |address: &TileAddress| self.merged.report(self.own, *address);
-        for tile in changes.newly_occupied.iter().filter_map(report) {
-            out.push(Out::Publish(Message::Tile(tile)));
-        }
-        out.push(Out::Tiles(changes.changed.iter().filter_map(report).collect()));
+        let tiles: Vec<TileReport> = changes.changed.iter().filter_map(report).collect();
         self.unshared.extend(changes.changed);
         for address in changes.newly_occupied {
-            self.unshared.remove(&address);
+            let again_at = self.occupied.get(&address).map_or(Time::ZERO, |at| *at + OCCUPIED_EVERY);
+            if again_at > now {
+                self.occupied_again.insert(address, again_at);
+            } else {
+                self.publish_occupied(now, address, out);
+            }
         }
+        out.push(Out::Tiles(tiles));
     }
 
-    fn tile(&mut self, report: TileReport, out: &mut Vec<Out>) {
-        match self.merged.join(&report) {
+    fn publish_occupied(&mut self, now: Time, address: TileAddress, out: &mut Vec<Out>) {
+        self.occupied.insert(address, now);
+        self.publish(now, address, out);
+    }
+
+    /// Publishes a tile of the own layer as it is now.
+    fn publish(&mut self, now: Time, address: TileAddress, out: &mut Vec<Out>) {
+        self.unshared.remove(&address);
+        self.occupied_again.remove(&address);
+        let Some(report) = self.merged.report(self.own, address) else { return };
+        self.repair.pass(now, &self.merged, &report);
+        out.push(Out::Publish(Message::Tile(report)));
+    }
+
+    fn tile(&mut self, now: Time, report: TileReport, out: &mut Vec<Out>) {
+        let joined = self.merged.join(&report);
+        self.repair.pass(now, &self.merged, &report);
+        match joined {
             Ok(Joined::Newer { .. }) => out.push(Out::Tiles(vec![report])),
             // A known tile is nothing new; an impossible one is its sender's business.
             Ok(Joined::Known) | Err(_) => {}
         }
     }
 
-    fn share(&mut self, out: &mut Vec<Out>) {
+    fn share(&mut self, now: Time, out: &mut Vec<Out>) {
         for _ in 0..SHARE_TILES {
-            let Some(address) = self.unshared.pop_first() else { break };
-            let tile = self.merged.report(self.own, address);
-            out.extend(tile.map(|tile| Out::Publish(Message::Tile(tile))));
+            let after = (std::ops::Bound::Excluded(self.shared), std::ops::Bound::Unbounded);
+            let next = self.unshared.range(after).next().or_else(|| self.unshared.first()).copied();
+            let Some(address) = next else { break };
+            self.shared = address;
+            self.publish(now, address, out);
         }
+        self.occupied.retain(|_, at| now.since(*at) < OCCUPIED_EVERY);
         out.push(Out::Publish(Message::Digest(self.merged.digest())));
+    }
+
+    /// Asks for what is missing, and sends what others miss.
+    fn mend(&mut self, now: Time, out: &mut Vec<Out>) {
+        let mut messages = Vec::new();
+        self.repair.wake(now, &self.merged, &mut messages);
+        out.extend(messages.into_iter().map(Out::Publish));
+    }
+
+    fn publish_again(&mut self, now: Time, out: &mut Vec<Out>) {
+        let due = self.occupied_again.iter().filter(|(_, at)| **at <= now).map(|(address, _)| *address);
+        for address in due.collect::<Vec<_>>() {
+            self.publish_occupied(now, address, out);
+        }
     }
 }
 
@@ -158,28 +204,33 @@ impl Actor for Map {
 
     fn handle(&mut self, now: Time, input: In, out: &mut Vec<Out>) -> Result<(), Fault> {
         match input {
-            In::Scan(scan) => self.scan(&scan, out),
+            In::Scan(scan) => self.scan(now, &scan, out),
             In::Peer(state) => self.peers.take(now, &state),
-            In::Tile(report) => self.tile(report, out),
-            In::Digest(digest) => {
-                let wants = self.merged.want(&digest).into_iter().filter(|want| want.layer != self.own);
-                out.extend(wants.take(WANTS).map(|want| Out::Publish(Message::Want(want))));
-            }
+            In::Tile(report) => self.tile(now, report, out),
+            In::Digest(digest) => self.repair.hear_digest(now, &self.merged, &digest),
             In::Want(want) => {
-                let tiles = self.merged.answer(&want, REPAIR_TILES);
-                out.extend(tiles.into_iter().map(|tile| Out::Publish(Message::Tile(tile))));
+                self.repair.hear_want(now, &self.merged, &want);
+                self.mend(now, out);
             }
         }
         Ok(())
     }
 
     fn deadline(&self) -> Option<Deadline> {
-        Some(Deadline { at: self.share_at, why: "share tiles and digest" })
+        let share = Deadline { at: self.share_at, why: "share tiles and digest" };
+        let again = self.occupied_again.values().min();
+        let again = again.map(|at| Deadline { at: *at, why: "send an occupied tile again" });
+        let repair = self.repair.deadline().map(|at| Deadline { at, why: "ask for or send missing tiles" });
+        [again, repair].into_iter().fold(Some(share), Deadline::earlier)
     }
 
     fn wake(&mut self, now: Time, out: &mut Vec<Out>) -> Result<(), Fault> {
-        self.share_at = now + SHARE_EVERY;
-        self.share(out);
+        self.publish_again(now, out);
+        if self.share_at <= now {
+            self.share_at = now + SHARE_EVERY;
+            self.share(now, out);
+        }
+        self.mend(now, out);
         Ok(())
     }
 }
@@ -256,20 +307,76 @@ mod tests {
         assert_eq!(tiles_published(&told(&mut map, vec![scan(Some(2.0)); 6])), 0);
     }
 
-    #[test]
-    fn what_the_network_lost_is_asked_for_and_sent() {
-        let (mut one, mut two) = (Map::new(settings(1)), Map::new(settings(2)));
-        told(&mut one, vec![scan(Some(2.0)), scan(None)]);
-        let mut said = Vec::new();
-        one.share(&mut said);
-        let Some(Out::Publish(Message::Digest(digest))) = said.pop() else { panic!("no digest") };
-        let wants = told(&mut two, vec![In::Digest(digest)]);
-        let [Out::Publish(Message::Want(want))] = &wants[..] else { panic!("{wants:?}") };
-        for out in told(&mut one, vec![In::Want(want.clone())]) {
-            let Out::Publish(Message::Tile(report)) = out else { panic!("not a tile") };
-            told(&mut two, vec![In::Tile(report)]);
+    /// Wakes an actor at its deadlines until `until`.
+    fn woken(map: &mut Map, until: Time) -> Vec<Out> {
+        let mut out = Vec::new();
+        while let Some(deadline) = map.deadline().filter(|deadline| deadline.at <= until) {
+            map.wake(deadline.at, &mut out).unwrap();
+            assert!(map.deadline().unwrap().at > deadline.at, "{}", deadline.why);
         }
-        assert_eq!(one.merged.digest(), two.merged.digest());
+        out
+    }
+
+    #[test]
+    fn a_tile_that_is_occupied_again_soon_after_is_published_once_more_with_all_of_it() {
+        let mut map = Map::new(settings(1));
+        let mut out = Vec::new();
+        let told_at = |map: &mut Map, ms: u64, range_m: f64, out: &mut Vec<Out>| {
+            let now = Time::from_nanos(ms * 1_000_000);
+            (0..6).for_each(|_| map.handle(now, scan(Some(range_m)), out).unwrap());
+        };
+        told_at(&mut map, 0, 2.0, &mut out);
+        let first = tiles_published(&out);
+        told_at(&mut map, 10, 2.6, &mut out);
+        told_at(&mut map, 20, 3.2, &mut out);
+        assert_eq!(tiles_published(&out), first, "at most ten times a second");
+        let again = woken(&mut map, Time::from_secs_f64(0.1));
+        let reports = again.iter().filter_map(|out| match out {
+            Out::Publish(Message::Tile(report)) => Some(report),
+            Out::Publish(_) | Out::Tiles(_) => None,
+        });
+        let reports: Vec<_> = reports.collect();
+        assert!((1..=first).contains(&reports.len()), "{} of {first} tiles again", reports.len());
+        for report in reports {
+            assert_eq!(map.merged.report(map.own, report.address).as_ref(), Some(report));
+        }
+    }
+
+    #[test]
+    fn the_mission_and_the_bus_are_given_the_cells_of_the_map_itself() {
+        let mut map = Map::new(settings(1));
+        let out = told(&mut map, vec![scan(Some(2.0)); 4]);
+        let Some(Out::Tiles(tiles)) = out.last() else { panic!("no tiles") };
+        for report in tiles {
+            let held = map.merged.layer(map.own).unwrap().tile(report.address).unwrap();
+            assert!(std::sync::Arc::ptr_eq(&held.cells, &report.cells));
+        }
+        let mut peer = Map::new(settings(2));
+        let heard = told(&mut peer, vec![In::Tile(tiles[0].clone())]);
+        let [Out::Tiles(heard)] = &heard[..] else { panic!("{heard:?}") };
+        assert!(std::sync::Arc::ptr_eq(&heard[0].cells, &tiles[0].cells));
+    }
+
+    #[test]
+    fn all_changed_tiles_have_their_turn_however_many_there_are() {
+        let mut map = Map::new(settings(1));
+        for place in 0..400 {
+            let at = Point::new(f64::from(place % 20) * 6.4, f64::from(place / 20) * 6.4);
+            let pose = Pose { at, heading: Angle::default(), sd_m: 0.05 };
+            told(
+                &mut map,
+                vec![In::Scan(Scan { pose, beam: Angle::default(), range_m: None, suspect: false })],
+            );
+        }
+        let mut shared = BTreeSet::new();
+        let held = map.merged.layer(map.own).unwrap().len();
+        let seconds = held.div_ceil(SHARE_TILES) as f64 + 1.1;
+        for out in woken(&mut map, Time::from_secs_f64(seconds)) {
+            if let Out::Publish(Message::Tile(report)) = out {
+                assert!(shared.insert(report.address), "nothing is published twice");
+            }
+        }
+        assert!(held > 400 && shared.len() == held, "{} of {held}", shared.len());
     }
 
     #[test]
@@ -277,10 +384,16 @@ mod tests {
         let layer = |vehicle| tomoswarm_proto::LayerDigest {
             layer: LayerId { vehicle: VehicleId(vehicle), boot: tomoswarm_proto::Boot(1) },
             tiles: 1,
+            revisions: 1,
             hash: 1,
         };
         let digest = Digest { layers: (2..=255).map(layer).collect() };
-        let wants = told(&mut Map::new(settings(1)), vec![In::Digest(digest)]);
-        assert!((1..=16).contains(&wants.len()), "{} wants", wants.len());
+        let mut map = Map::new(settings(1));
+        assert_eq!(told(&mut map, vec![In::Digest(digest)]), []);
+        let out = woken(&mut map, Time::from_secs_f64(0.16));
+        assert_eq!(out.len(), 16, "wants come a few at a time");
+        let out = woken(&mut map, Time::from_secs_f64(5.0));
+        let wants = out.iter().filter(|out| matches!(out, Out::Publish(Message::Want(_)))).count();
+        assert_eq!(wants, 254 - 16, "and each once");
     }
 }

@@ -3,6 +3,7 @@
 //! Nothing here knows a device or a network. What reaches a vehicle from outside is an [`Event`],
 //! what it wants done outside is an [`Effect`]; drivers and the bus at the edge turn them into real things.
 
+mod acted;
 mod from_config;
 pub mod map;
 pub mod mission;
@@ -18,6 +19,7 @@ mod tests_support;
 pub mod vehicle;
 mod vehicle_node;
 
+pub use acted::Acted;
 pub use route::{Effect, Event};
 pub use settings::{BodySettings, LookSettings, RadioSettings, SafetySettings, Settings};
 pub use vehicle_node::VehicleNode;

@@ -1,37 +1,82 @@
 //! The outbox actor: keeps a vehicle's samples until the ground has them, and sends them in batches.
 //!
-//! It is told samples and the ground's `Have`; it says batches for the bus. A batch is repeated until it
-//! is covered by a watermark, oldest first, so that nothing is lost and everything arrives once the
-//! network lets it; the ground stores each sample once. It writes no disk: in the field a
-//! driver at the edge stores samples before they get here.
+//! It is told samples that are kept at the edge (`Kept`), chunks of what was kept before (`Recalled`) and the
+//! ground's `Have`; it says batches for the bus, what the edge may forget, and what it wants to be told again. What was
+//! never sent goes first, oldest first; then what was sent and not confirmed in time is repeated, each time after
+//! twice as long. The ground stores each sample once. It writes no disk, and holds only so much in memory: the rest
+//! stays at the edge and is asked for when there is room.
+//!
+//! Only samples that a store has confirmed *and* whose run is closed are forgotten for good: a ground station
+//! that comes back with another store is sent everything again.
 //!
 //! Deadline: `flush`.
 
-use std::collections::VecDeque;
+use std::collections::BTreeMap;
 use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
-use tomoswarm_proto::{Boot, Have, RunId, Sample, Samples, VehicleId};
+use tomoswarm_proto::{Boot, Have, HeardFrom, RunId, Sample, Samples, VehicleId};
 
 use crate::actor::{Actor, Class, Fault, Input};
 use crate::time::{Deadline, Time};
 
-/// New samples are sent this often.
+/// Samples are sent this often.
 const FLUSH_EVERY: Duration = Duration::from_secs(1);
-/// What the ground has not confirmed after this long is sent again.
+/// What the ground has not confirmed after this long is sent again; then after twice as long, and so on.
 const REPEAT_AFTER: Duration = Duration::from_secs(4);
+/// The wait before a repetition is doubled so often at most: about four minutes.
+const DOUBLINGS: u8 = 6;
+/// A ground that was not heard for so long may have missed what was sent meanwhile.
+const SILENT_AFTER: Duration = Duration::from_secs(5);
 /// Batches sent at a time at most, so that what a long cut has left does not flood the bus: 80 kB/s.
 const BATCHES: usize = 8;
 /// Samples of one batch; about 10 kB.
 const BATCH: usize = 128;
-/// Samples kept at most; the oldest are dropped and counted.
-const CAPACITY: usize = 200_000;
+/// Samples held in memory at most, about 8 MB; more stay at the edge.
+const CAPACITY: usize = 50_000;
+/// Samples asked for at a time.
+pub const CHUNK: usize = 2048;
+/// What was asked for and did not come for so long is asked for again.
+const RECALL_AFTER: Duration = Duration::from_secs(10);
+
+/// Where a sample stands among all of its vehicle: in the order of boots, runs and sequences.
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Debug, Serialize, Deserialize)]
+pub struct Place {
+    /// Start of the software that made it.
+    pub boot: Boot,
+    /// In which run.
+    pub run: RunId,
+    /// Its number within boot and run.
+    pub sequence: u64,
+}
+
+/// A chunk of what is kept at the edge.
+#[derive(Clone, PartialEq, Debug, Default, Serialize, Deserialize)]
+pub struct Recalled {
+    /// Samples in ascending order of their places, at most [`CHUNK`] of them.
+    pub samples: Vec<(Boot, RunId, Sample)>,
+    /// Whether nothing is kept beyond them.
+    pub is_end: bool,
+}
+
+/// Samples that the edge no longer keeps although nobody let it forget them: there was no room.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize)]
+pub struct Dropped {
+    /// The first of them.
+    pub first: Place,
+    /// Every sequence of the same boot and run from the first up to here, exclusive.
+    pub below: u64,
+}
 
 /// What the outbox can be told.
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
 pub enum In {
-    /// A new sample of a run.
-    Sample((RunId, Sample)),
+    /// A new sample that is kept at the edge.
+    Kept((Boot, RunId, Sample)),
+    /// A part of what was kept before.
+    Recalled(Recalled),
+    /// The edge had no room.
+    Dropped(Dropped),
     /// What the ground has.
     Have(Have),
 }
@@ -41,79 +86,275 @@ pub enum In {
 pub enum Out {
     /// A batch for the ground.
     Publish(Samples),
+    /// The edge may forget samples for good.
+    Forget {
+        /// Start of the software that made them.
+        boot: Boot,
+        /// Their run, which is closed.
+        run: RunId,
+        /// All with a lower sequence.
+        below: u64,
+    },
+    /// The edge shall tell again what it keeps: the next [`CHUNK`] samples after a place, or the first ones.
+    Recall {
+        /// The place; `None` = from the beginning.
+        after: Option<Place>,
+    },
+}
+
+/// Names who counts sequences.
+type Source = (Boot, RunId);
+
+/// A sample that was sent and is not confirmed.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+struct Sent {
+    sample: Sample,
+    /// When it is sent again.
+    due: Time,
+    /// How often it was sent again.
+    repeats: u8,
+}
+
+/// A reading of what is kept at the edge, from its beginning to its end.
+#[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
+struct Reading {
+    after: Option<Place>,
+    asked: Option<Time>,
 }
 
 /// The outbox actor.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Outbox {
     vehicle: VehicleId,
-    boot: Boot,
-    kept: VecDeque<(RunId, Sample)>,
-    /// How many of `kept`, from the front, have been sent at least once.
-    sent: usize,
-    /// How many of `kept` there were when the front was sent.
-    round: usize,
-    /// When the front was sent first or last.
-    sent_at: Time,
+    /// Never sent.
+    fresh: BTreeMap<Place, Sample>,
+    sent: BTreeMap<Place, Sent>,
+    /// The ground's store and when it was last heard.
+    store: Option<(u64, Time)>,
+    /// What that store has: every sequence below.
+    marks: BTreeMap<Source, u64>,
+    /// What the edge was told to forget: every sequence below.
+    forgotten: BTreeMap<Source, u64>,
+    /// The sequence that is expected next of each source.
+    next: BTreeMap<Source, u64>,
+    reading: Option<Reading>,
+    /// Whether something is kept at the edge that was passed over here.
+    is_behind: bool,
+    lost: u64,
     flush_at: Option<Time>,
-    dropped: u64,
-    /// The ground's store, once heard.
-    store: Option<u64>,
 }
 
 impl Outbox {
     /// Makes an empty outbox.
-    pub fn new(vehicle: VehicleId, boot: Boot) -> Outbox {
-        let kept = VecDeque::new();
+    pub fn new(vehicle: VehicleId) -> Outbox {
         Outbox {
             vehicle,
-            boot,
-            kept,
-            sent: 0,
-            round: 0,
-            sent_at: Time::ZERO,
-            flush_at: None,
-            dropped: 0,
+            fresh: BTreeMap::new(),
+            sent: BTreeMap::new(),
             store: None,
+            marks: BTreeMap::new(),
+            forgotten: BTreeMap::new(),
+            next: BTreeMap::new(),
+            reading: None,
+            is_behind: false,
+            lost: 0,
+            flush_at: None,
         }
     }
 
-    /// Tells how many samples were lost because the outbox was full.
-    pub fn dropped(&self) -> u64 {
-        self.dropped
+    /// Tells how many samples were lost because nothing had room for them.
+    pub fn lost(&self) -> u64 {
+        self.lost
     }
 
-    fn keep(&mut self, now: Time, run: RunId, sample: Sample) {
-        self.kept.push_back((run, sample));
-        if self.kept.len() > CAPACITY {
-            self.kept.pop_front();
-            (self.sent, self.round) = (self.sent.saturating_sub(1), self.round.saturating_sub(1));
-            self.dropped += 1;
-        }
-        self.flush_at.get_or_insert(now + FLUSH_EVERY);
+    /// Tells how many samples are held that the ground has not confirmed.
+    pub fn waiting(&self) -> usize {
+        self.fresh.len() + self.sent.len()
     }
 
-    /// Forgets what the ground has stored. A new store has nothing yet: what is still kept is sent to it from the
-    /// beginning; what an older store had confirmed is its operator's to bring over.
-    fn have(&mut self, have: &Have) {
-        if self.store.replace(have.store).is_some_and(|known| known != have.store) {
-            self.sent = 0;
+    fn kept(&mut self, boot: Boot, run: RunId, sample: Sample) {
+        let next = self.next.entry((boot, run)).or_default();
+        // One that was dropped unread on its way here is at the edge still.
+        self.is_behind |= sample.sequence > *next;
+        *next = (*next).max(sample.sequence.saturating_add(1));
+        self.hold(boot, run, sample);
+    }
+
+    fn hold(&mut self, boot: Boot, run: RunId, sample: Sample) {
+        let place = Place { boot, run, sequence: sample.sequence };
+        if self.has(place) || self.sent.contains_key(&place) {
+            return;
         }
-        let own = |mark: &&tomoswarm_proto::HeardFrom| (mark.vehicle, mark.boot) == (self.vehicle, self.boot);
-        for mark in have.watermarks.iter().filter(own) {
-            let covered = |(run, sample): &(RunId, Sample)| *run == mark.run && sample.sequence < mark.below;
-            while self.kept.front().is_some_and(covered) {
-                self.kept.pop_front();
-                (self.sent, self.round) = (self.sent.saturating_sub(1), self.round.saturating_sub(1));
+        if self.waiting() >= CAPACITY {
+            self.is_behind = true;
+            return;
+        }
+        self.fresh.insert(place, sample);
+    }
+
+    /// Tells whether the ground has a sample.
+    fn has(&self, place: Place) -> bool {
+        self.marks.get(&(place.boot, place.run)).is_some_and(|below| place.sequence < *below)
+    }
+
+    fn recalled(&mut self, chunk: Recalled) {
+        let Some(reading) = &mut self.reading else { return };
+        if reading.asked.take().is_none() {
+            return; // an answer that came too late, to a question that was asked again
+        }
+        let last = chunk.samples.last().map(|(boot, run, sample)| Place {
+            boot: *boot,
+            run: *run,
+            sequence: sample.sequence,
+        });
+        reading.after = last.or(reading.after);
+        if chunk.is_end || last.is_none() {
+            self.reading = None;
+        }
+        for (boot, run, sample) in chunk.samples {
+            self.hold(boot, run, sample);
+        }
+    }
+
+    fn dropped(&mut self, dropped: Dropped) {
+        let Dropped { first: Place { boot, run, sequence }, below } = dropped;
+        let from = sequence.max(self.marks.get(&(boot, run)).copied().unwrap_or(0));
+        let end = Place { boot, run, sequence: below };
+        let held = if from < below {
+            let first = Place { boot, run, sequence: from };
+            self.fresh.range(first..end).count() + self.sent.range(first..end).count()
+        } else {
+            0
+        };
+        self.lost += below.saturating_sub(from).saturating_sub(held as u64);
+    }
+
+    /// Takes in what the ground has. A store that was not heard before has nothing yet: it is sent everything that is
+    /// kept, from the beginning. While one store is heard another one is not listened to.
+    fn have(&mut self, now: Time, have: &Have, out: &mut Vec<Out>) {
+        let is_silent = |at: Time| now.since(at) >= SILENT_AFTER;
+        match self.store {
+            Some((store, at)) if store != have.store && !is_silent(at) => return,
+            Some((store, at)) if store == have.store => {
+                if is_silent(at) {
+                    self.repeat_all(now);
+                }
             }
+            Some(_) | None => self.begin_store(now),
+        }
+        self.store = Some((have.store, now));
+        let own = self.vehicle;
+        for mark in have.watermarks.iter().filter(|mark| mark.vehicle == own) {
+            self.take_mark(mark);
+            self.forget(mark, have, out);
         }
     }
 
-    fn batch(&self, from: usize) -> Option<Samples> {
-        let (run, _) = *self.kept.get(from)?;
-        let of_run = self.kept.iter().skip(from).take(BATCH).take_while(|(other, _)| *other == run);
-        let samples = of_run.map(|(_, sample)| *sample).collect();
-        Some(Samples { vehicle: self.vehicle, boot: self.boot, run, samples })
+    fn begin_store(&mut self, now: Time) {
+        self.marks.clear();
+        self.repeat_all(now);
+        self.reading = Some(Reading::default());
+        self.is_behind = false;
+    }
+
+    fn repeat_all(&mut self, now: Time) {
+        for sent in self.sent.values_mut() {
+            (sent.due, sent.repeats) = (now, 0);
+        }
+    }
+
+    fn take_mark(&mut self, mark: &HeardFrom) {
+        let below = self.marks.entry((mark.boot, mark.run)).or_default();
+        if mark.below <= *below {
+            return;
+        }
+        *below = mark.below;
+        drop_below(&mut self.fresh, mark);
+        drop_below(&mut self.sent, mark);
+    }
+
+    /// Lets the edge forget what is confirmed of a closed run, once.
+    fn forget(&mut self, mark: &HeardFrom, have: &Have, out: &mut Vec<Out>) {
+        let HeardFrom { vehicle: _, boot, run, below } = *mark;
+        let forgotten = self.forgotten.entry((boot, run)).or_default();
+        if have.closed.binary_search(&run).is_ok() && *forgotten < below {
+            *forgotten = below;
+            out.push(Out::Forget { boot, run, below });
+        }
+    }
+
+    /// Takes the next batch of what was never sent.
+    fn fresh_batch(&mut self, now: Time) -> Option<Samples> {
+        let (Place { boot, run, .. }, _) = self.fresh.first_key_value()?;
+        let (boot, run) = (*boot, *run);
+        let mut samples = Vec::with_capacity(BATCH);
+        while samples.len() < BATCH {
+            let first = self.fresh.first_entry().filter(|entry| {
+                let place = entry.key();
+                (place.boot, place.run) == (boot, run)
+            });
+            let Some((place, sample)) = first.map(|entry| entry.remove_entry()) else { break };
+            samples.push(sample);
+            self.sent.insert(place, Sent { sample, due: now + REPEAT_AFTER, repeats: 0 });
+        }
+        Some(Samples { vehicle: self.vehicle, boot, run, samples })
+    }
+
+    /// Gives batches of what is due again, at most so many.
+    fn due_batches(&mut self, now: Time, most: usize) -> Vec<Samples> {
+        let mut batches: Vec<Samples> = Vec::new();
+        for (place, sent) in self.sent.iter_mut().filter(|(_, sent)| sent.due <= now) {
+            let Place { boot, run, sequence: _ } = *place;
+            let fits =
+                |batch: &Samples| (batch.boot, batch.run) == (boot, run) && batch.samples.len() < BATCH;
+            if !batches.last().is_some_and(fits) {
+                if batches.len() == most {
+                    break;
+                }
+                batches.push(Samples { vehicle: self.vehicle, boot, run, samples: Vec::new() });
+            }
+            let Some(batch) = batches.last_mut() else { break };
+            batch.samples.push(sent.sample);
+            sent.repeats = sent.repeats.saturating_add(1).min(DOUBLINGS);
+            sent.due = now + REPEAT_AFTER * (1 << sent.repeats);
+        }
+        batches
+    }
+
+    /// Asks for more of what is kept at the edge, when there is room.
+    fn recall(&mut self, now: Time, out: &mut Vec<Out>) {
+        if self.waiting() + CHUNK > CAPACITY {
+            return;
+        }
+        if self.reading.is_none() && std::mem::take(&mut self.is_behind) {
+            self.reading = Some(Reading::default());
+        }
+        let marks = &self.marks;
+        let Some(reading) = &mut self.reading else { return };
+        if reading.asked.is_some_and(|at| now.since(at) < RECALL_AFTER) {
+            return;
+        }
+        reading.asked = Some(now);
+        // What the ground has need not be read.
+        let beyond = |place: Place| match marks.get(&(place.boot, place.run)) {
+            Some(below) => Place { sequence: place.sequence.max(below.saturating_sub(1)), ..place },
+            None => place,
+        };
+        out.push(Out::Recall { after: reading.after.map(beyond) });
+    }
+
+    fn has_work(&self) -> bool {
+        self.waiting() > 0 || self.reading.is_some() || self.is_behind
+    }
+}
+
+/// Drops what a watermark covers.
+fn drop_below<T>(places: &mut BTreeMap<Place, T>, mark: &HeardFrom) {
+    let is_covered =
+        |place: &Place| (place.boot, place.run) == (mark.boot, mark.run) && place.sequence < mark.below;
+    let first = Place { boot: mark.boot, run: mark.run, sequence: 0 };
+    while let Some(place) = places.range(first..).next().map(|(place, _)| *place).filter(is_covered) {
+        places.remove(&place);
     }
 }
 
@@ -121,10 +362,15 @@ impl Actor for Outbox {
     type In = In;
     type Out = Out;
 
-    fn handle(&mut self, now: Time, input: In, _out: &mut Vec<Out>) -> Result<(), Fault> {
+    fn handle(&mut self, now: Time, input: In, out: &mut Vec<Out>) -> Result<(), Fault> {
         match input {
-            In::Sample((run, sample)) => self.keep(now, run, sample),
-            In::Have(have) => self.have(&have),
+            In::Kept((boot, run, sample)) => self.kept(boot, run, sample),
+            In::Recalled(chunk) => self.recalled(chunk),
+            In::Dropped(dropped) => self.dropped(dropped),
+            In::Have(have) => self.have(now, &have, out),
+        }
+        if self.has_work() {
+            self.flush_at.get_or_insert(now + FLUSH_EVERY);
         }
         Ok(())
     }
@@ -134,19 +380,17 @@ impl Actor for Outbox {
     }
 
     fn wake(&mut self, now: Time, out: &mut Vec<Out>) -> Result<(), Fault> {
-        // Only once all has had its turn: otherwise the oldest would keep back the rest for ever.
-        if self.sent >= self.round && now.since(self.sent_at) >= REPEAT_AFTER {
-            self.sent = 0;
-        }
-        if self.sent == 0 {
-            (self.sent_at, self.round) = (now, self.kept.len());
-        }
-        for _ in 0..BATCHES {
-            let Some(batch) = self.batch(self.sent) else { break };
-            self.sent += batch.samples.len();
+        let mut room = BATCHES;
+        while room > 0 {
+            let Some(batch) = self.fresh_batch(now) else { break };
             out.push(Out::Publish(batch));
+            room -= 1;
         }
-        self.flush_at = (!self.kept.is_empty()).then_some(now + FLUSH_EVERY);
+        if room > 0 {
+            out.extend(self.due_batches(now, room).into_iter().map(Out::Publish));
+        }
+        self.recall(now, out);
+        self.flush_at = self.has_work().then_some(now + FLUSH_EVERY);
         Ok(())
     }
 }
@@ -156,96 +400,11 @@ impl Input for In {
 
     fn class(&self) -> Class<()> {
         match self {
-            In::Sample(_) => Class::Queue,
+            In::Kept(_) | In::Recalled(_) | In::Dropped(_) => Class::Queue,
             In::Have(_) => Class::Latest(()),
         }
     }
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-    use tomoswarm_proto::HeardFrom;
-
-    fn sample(sequence: u64) -> In {
-        let sample = Sample {
-            sequence,
-            heard_at_ns: 0,
-            transmitter: VehicleId(2),
-            transmitter_pose: Default::default(),
-            receiver_pose: Default::default(),
-            channel: 11,
-            power_dbm: 0,
-            rssi_dbm: Some(-60),
-        };
-        In::Sample((RunId(1), sample))
-    }
-
-    fn have(below: u64) -> In {
-        let mark = HeardFrom { vehicle: VehicleId(1), boot: Boot(1), run: RunId(1), below };
-        In::Have(Have { store: 1, watermarks: vec![mark], closed: vec![] })
-    }
-
-    fn sent(outbox: &mut Outbox) -> Vec<u64> {
-        let mut out = Vec::new();
-        outbox.wake(outbox.deadline().unwrap().at, &mut out).unwrap();
-        out.iter()
-            .flat_map(|Out::Publish(batch)| batch.samples.iter().map(|sample| sample.sequence))
-            .collect()
-    }
-
-    #[test]
-    fn what_the_ground_has_not_confirmed_is_sent_again() {
-        let mut outbox = Outbox::new(VehicleId(1), Boot(1));
-        for sequence in 0..300 {
-            outbox.handle(Time::ZERO, sample(sequence), &mut Vec::new()).unwrap();
-        }
-        assert_eq!(sent(&mut outbox), (0..300).collect::<Vec<_>>());
-        outbox.handle(Time::ZERO, have(100), &mut Vec::new()).unwrap();
-        let again: Vec<u64> = (0..4).flat_map(|_| sent(&mut outbox)).collect();
-        assert_eq!(again, (100..300).collect::<Vec<_>>());
-        outbox.handle(Time::ZERO, have(300), &mut Vec::new()).unwrap();
-        assert!(sent(&mut outbox).is_empty());
-        assert_eq!(outbox.deadline(), None);
-    }
-
-    #[test]
-    fn after_a_cut_the_bus_is_not_flooded_and_all_arrives() {
-        let mut outbox = Outbox::new(VehicleId(1), Boot(1));
-        for sequence in 0..5000 {
-            outbox.handle(Time::ZERO, sample(sequence), &mut Vec::new()).unwrap();
-        }
-        let mut below = 0;
-        for _ in 0..5 {
-            let sent = sent(&mut outbox);
-            assert!(sent.len() <= 8 * 128, "{} at once", sent.len());
-            below = sent.last().map_or(below, |last| last + 1);
-            outbox.handle(Time::ZERO, have(below), &mut Vec::new()).unwrap();
-        }
-        assert_eq!(below, 5000);
-    }
-
-    #[test]
-    fn what_is_repeated_does_not_keep_back_what_is_new() {
-        let mut outbox = Outbox::new(VehicleId(1), Boot(1));
-        for sequence in 0..20_000 {
-            outbox.handle(Time::ZERO, sample(sequence), &mut Vec::new()).unwrap();
-        }
-        // Nothing is ever confirmed: it begins anew only when all has been sent.
-        let seen: std::collections::BTreeSet<u64> = (0..20).flat_map(|_| sent(&mut outbox)).collect();
-        assert_eq!(seen.len(), 20_000);
-    }
-
-    #[test]
-    fn a_new_store_is_sent_all_that_is_kept_at_once() {
-        let mut outbox = Outbox::new(VehicleId(1), Boot(1));
-        for sequence in 0..10 {
-            outbox.handle(Time::ZERO, sample(sequence), &mut Vec::new()).unwrap();
-        }
-        outbox.handle(Time::ZERO, have(2), &mut Vec::new()).unwrap();
-        assert_eq!(sent(&mut outbox), (2..10).collect::<Vec<_>>());
-        let other = In::Have(Have { store: 2, watermarks: vec![], closed: vec![] });
-        outbox.handle(Time::ZERO, other, &mut Vec::new()).unwrap();
-        assert_eq!(sent(&mut outbox), (2..10).collect::<Vec<_>>());
-    }
-}
+mod tests;

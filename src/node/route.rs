@@ -5,12 +5,13 @@
 //!                         └──────Scan (reflex stop)────────────────────────► vehicle
 //!  autopilot driver ─Telemetry─► vehicle ──State──► sensor, mission, radio, bus
 //!  map ──Tiles──► bus                      bus ──peers' Tiles, Digest, Want──► map
-//!  radio driver ─Heard─► radio ──Sample──► outbox ──Samples──► bus
+//!  radio driver ─Heard─► radio ──Keep──► disk ──Kept──► outbox ──Samples──► bus
+//!                                        disk ◄─Forget, Recall─ outbox      bus ──Have──► outbox
 //!  bus ──Plan, peers' State and Progress──► mission ──Progress──► radio (in beacons), bus
 //!  bus ──Order, peers' State──► vehicle ──Order (once accepted)──► mission
 //! ```
 
-use tomoswarm_proto::{Beacon, Message};
+use tomoswarm_proto::{Beacon, Boot, Message, RunId, Sample};
 
 use super::{map, mission, outbox, radio, sensor, vehicle};
 use crate::geom::Angle;
@@ -26,6 +27,12 @@ pub enum Event {
     Heard(radio::Heard),
     /// The bus delivered a message of another node.
     Bus(Message),
+    /// A sample is kept: it will be told again when it is recalled, also after a restart.
+    Kept(Boot, RunId, Sample),
+    /// A chunk of what was kept before, as recalled.
+    Recalled(outbox::Recalled),
+    /// There was no room for what was kept.
+    Dropped(outbox::Dropped),
 }
 
 /// What a vehicle wants done outside.
@@ -41,6 +48,23 @@ pub enum Effect {
     Transmit(Beacon),
     /// The bus shall carry a message to the other nodes.
     Publish(Message),
+    /// A sample shall be kept, on disk where there is one; it comes back as [`Event::Kept`].
+    Keep(RunId, Sample),
+    /// What was kept may be forgotten for good: the ground has it and its run is closed.
+    Forget {
+        /// Start of the software that made the samples.
+        boot: Boot,
+        /// Their run.
+        run: RunId,
+        /// All with a lower sequence.
+        below: u64,
+    },
+    /// What was kept shall be told again: the next [`outbox::CHUNK`] samples after a place, or the first ones. They
+    /// come back as one [`Event::Recalled`].
+    Recall {
+        /// The place; `None` = from the beginning.
+        after: Option<outbox::Place>,
+    },
     /// Something worth a line in the log.
     Note(Note),
 }
@@ -56,7 +80,7 @@ pub enum Note {
 
 /// Whatever is said inside a vehicle or at its edge.
 #[derive(Debug)]
-pub(super) enum Said {
+pub(crate) enum Said {
     Edge(Event),
     Vehicle(vehicle::Out),
     Sensor(sensor::Out),
@@ -68,7 +92,7 @@ pub(super) enum Said {
 
 /// Where it goes.
 #[derive(Debug)]
-pub(super) enum To {
+pub(crate) enum To {
     Vehicle(vehicle::In),
     Sensor(sensor::In),
     Map(map::In),
@@ -79,12 +103,17 @@ pub(super) enum To {
 }
 
 /// Says where something goes; destinations are in the order in which they are told.
-pub(super) fn route(said: Said, to: &mut Vec<To>) {
+pub(crate) fn route(said: Said, to: &mut Vec<To>) {
     match said {
         Said::Edge(Event::Telemetry(telemetry)) => to.push(To::Vehicle(vehicle::In::Telemetry(telemetry))),
         Said::Edge(Event::Echo(echo)) => to.push(To::Sensor(sensor::In::Echo(echo))),
         Said::Edge(Event::Heard(heard)) => to.push(To::Radio(radio::In::Heard(heard))),
         Said::Edge(Event::Bus(message)) => route_message(message, to),
+        Said::Edge(Event::Kept(boot, run, sample)) => {
+            to.push(To::Outbox(outbox::In::Kept((boot, run, sample))));
+        }
+        Said::Edge(Event::Recalled(chunk)) => to.push(To::Outbox(outbox::In::Recalled(chunk))),
+        Said::Edge(Event::Dropped(dropped)) => to.push(To::Outbox(outbox::In::Dropped(dropped))),
         Said::Vehicle(out) => route_vehicle(out, to),
         Said::Sensor(sensor::Out::Steer(beam)) => to.push(To::Edge(Effect::Steer(beam))),
         Said::Sensor(sensor::Out::Ping(ping)) => to.push(To::Edge(Effect::Ping(ping))),
@@ -99,12 +128,18 @@ pub(super) fn route(said: Said, to: &mut Vec<To>) {
         Said::Mission(out) => route_mission(out, to),
         Said::Radio(radio::Out::Transmit(beacon)) => to.push(To::Edge(Effect::Transmit(beacon))),
         Said::Radio(radio::Out::Sample(run, sample)) => {
-            to.push(To::Outbox(outbox::In::Sample((run, sample))));
+            to.push(To::Edge(Effect::Keep(run, sample)));
         }
         Said::Radio(radio::Out::Peer(progress)) => to.push(To::Mission(mission::In::Progress(progress))),
-        Said::Outbox(outbox::Out::Publish(samples)) => {
-            to.push(To::Edge(Effect::Publish(Message::Samples(samples))));
-        }
+        Said::Outbox(out) => to.push(To::Edge(outbox_effect(out))),
+    }
+}
+
+fn outbox_effect(out: outbox::Out) -> Effect {
+    match out {
+        outbox::Out::Publish(samples) => Effect::Publish(Message::Samples(samples)),
+        outbox::Out::Forget { boot, run, below } => Effect::Forget { boot, run, below },
+        outbox::Out::Recall { after } => Effect::Recall { after },
     }
 }
 

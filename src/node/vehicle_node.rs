@@ -3,9 +3,9 @@
 //! This is how the simulator runs a vehicle. A live node may run the same actors on several
 //! threads: only [`super::route`] says what goes where, in both.
 
-use tomoswarm_proto::{RunId, VehicleId};
+use tomoswarm_proto::codec::EncodeError;
+use tomoswarm_proto::{Boot, RunId, VehicleId};
 
-use super::Settings;
 use super::map::Map;
 use super::mission::Mission;
 use super::outbox::Outbox;
@@ -13,7 +13,8 @@ use super::radio::Radio;
 use super::route::{Effect, Event, Said, To, route};
 use super::sensor::Sensor;
 use super::vehicle::Vehicle;
-use crate::actor::{Fault, Seat};
+use super::{Acted, Settings};
+use crate::actor::{Fault, Seat, Snapshot};
 use crate::map::Merged;
 use crate::time::{Deadline, Time};
 
@@ -21,6 +22,7 @@ use crate::time::{Deadline, Time};
 #[derive(Debug)]
 pub struct VehicleNode {
     id: VehicleId,
+    boot: Boot,
     vehicle: Seat<Vehicle>,
     sensor: Seat<Sensor>,
     map: Seat<Map>,
@@ -28,6 +30,8 @@ pub struct VehicleNode {
     radio: Seat<Radio>,
     outbox: Seat<Outbox>,
     routed: Vec<To>,
+    /// What the actors did and nobody has taken yet; `None` while nobody watches.
+    acted: Option<Vec<Acted>>,
 }
 
 impl VehicleNode {
@@ -36,13 +40,15 @@ impl VehicleNode {
         let sensor = Sensor::new(settings.look.clone(), settings.safety.pose_sd_max_m);
         VehicleNode {
             id: settings.vehicle,
+            boot: settings.boot,
             vehicle: Seat::new(Vehicle::new(settings.clone())),
             sensor: Seat::new(sensor),
             map: Seat::new(Map::new(settings.clone())),
             mission: Seat::new(Mission::new(settings.clone())),
             radio: Seat::new(Radio::new(settings.clone())),
-            outbox: Seat::new(Outbox::new(settings.vehicle, settings.boot)),
+            outbox: Seat::new(Outbox::new(settings.vehicle)),
             routed: Vec::new(),
+            acted: None,
         }
     }
 
@@ -54,6 +60,11 @@ impl VehicleNode {
     /// Gives what the mission is doing, for status lines and tests.
     pub fn mission(&self) -> &Mission {
         self.mission.actor()
+    }
+
+    /// Gives the boot of the vehicle's software.
+    pub fn boot(&self) -> Boot {
+        self.boot
     }
 
     /// Gives the map that the vehicle holds: its own layer and its peers'.
@@ -108,6 +119,33 @@ impl VehicleNode {
         .fold(None, Deadline::earlier)
     }
 
+    /// Begins to keep every step of every actor, for [`VehicleNode::acted`].
+    pub fn watch(&mut self) {
+        self.acted.get_or_insert_default();
+    }
+
+    /// Gives what the actors did since the last call, in order; nothing unless it is watched.
+    pub fn acted(&mut self) -> Vec<Acted> {
+        self.acted.as_mut().map(std::mem::take).unwrap_or_default()
+    }
+
+    /// Gives every actor as it is now. Nothing may be unread, as it is between two calls.
+    ///
+    /// # Errors
+    /// One cannot be written, which is a mistake of this program.
+    pub fn snapshots(&self) -> Result<Vec<Snapshot>, EncodeError> {
+        [
+            Snapshot::of("vehicle", self.vehicle.actor()),
+            Snapshot::of("sensor", self.sensor.actor()),
+            Snapshot::of("map", self.map.actor()),
+            Snapshot::of("mission", self.mission.actor()),
+            Snapshot::of("radio", self.radio.actor()),
+            Snapshot::of("outbox", self.outbox.actor()),
+        ]
+        .into_iter()
+        .collect()
+    }
+
     fn settle(&mut self, now: Time, effects: &mut Vec<Effect>) -> Result<(), Fault> {
         while !self.routed.is_empty() {
             let routed = std::mem::take(&mut self.routed);
@@ -134,11 +172,27 @@ impl VehicleNode {
     /// Lets every actor act, in the order of the data's way, and routes what they say.
     fn act(&mut self, now: Time) -> Result<(), Fault> {
         let routed = &mut self.routed;
-        self.vehicle.act(now, |said| route(Said::Vehicle(said), routed))?;
-        self.sensor.act(now, |said| route(Said::Sensor(said), routed))?;
-        self.map.act(now, |said| route(Said::Map(said), routed))?;
-        self.mission.act(now, |said| route(Said::Mission(said), routed))?;
-        self.radio.act(now, |said| route(Said::Radio(said), routed))?;
-        self.outbox.act(now, |said| route(Said::Outbox(said), routed))
+        self.vehicle.act_watched(now, watcher(&mut self.acted, Acted::Vehicle), |said| {
+            route(Said::Vehicle(said), routed)
+        })?;
+        self.sensor.act_watched(now, watcher(&mut self.acted, Acted::Sensor), |said| {
+            route(Said::Sensor(said), routed)
+        })?;
+        self.map
+            .act_watched(now, watcher(&mut self.acted, Acted::Map), |said| route(Said::Map(said), routed))?;
+        self.mission.act_watched(now, watcher(&mut self.acted, Acted::Mission), |said| {
+            route(Said::Mission(said), routed)
+        })?;
+        self.radio.act_watched(now, watcher(&mut self.acted, Acted::Radio), |said| {
+            route(Said::Radio(said), routed)
+        })?;
+        self.outbox.act_watched(now, watcher(&mut self.acted, Acted::Outbox), |said| {
+            route(Said::Outbox(said), routed)
+        })
     }
+}
+
+/// Puts steps among those kept, if any are.
+fn watcher<S>(acted: &mut Option<Vec<Acted>>, wrap: fn(S) -> Acted) -> Option<impl FnMut(S)> {
+    acted.as_mut().map(|acted| move |step| acted.push(wrap(step)))
 }

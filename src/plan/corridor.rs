@@ -207,6 +207,7 @@ mod tests {
     use crate::geom::Lattice;
     use crate::map::{CellRect, Merged};
     use proptest::prelude::*;
+    use std::sync::Arc;
     use tomoswarm_proto::{LayerId, TILE_CELLS, TileAddress, TileReport};
 
     const CORRIDOR: Corridor = Corridor { half_width_m: 0.5, ahead_m: 4.0 };
@@ -216,7 +217,7 @@ mod tests {
         let lattice = Lattice::new(0.2);
         let mut map = Merged::new(lattice, None);
         for (x, y) in (-2..2).flat_map(|x| (-2..2).map(move |y| (x, y))) {
-            let mut cells = vec![-17; TILE_CELLS];
+            let mut cells = [-17; TILE_CELLS];
             for (at, value) in others {
                 let cell = lattice.cell_at(*at);
                 if (cell.x >> 5, cell.y >> 5) == (x, y) {
@@ -224,6 +225,7 @@ mod tests {
                 }
             }
             let address = TileAddress { slice: 0, x, y };
+            let cells = Arc::new(cells);
             map.join(&TileReport { layer: LayerId::default(), address, revision: 1, cells }).unwrap();
         }
         map

@@ -4,3 +4,21 @@
 //! zenoh. Everything here is the imperative shell, so clocks, threads, files and sockets are allowed.
 
 #![allow(clippy::disallowed_methods, reason = "the shell reads clocks, starts threads and waits")]
+
+pub mod allowance;
+pub mod bus;
+pub mod clock;
+pub mod desk;
+pub mod egress;
+pub mod ground;
+pub mod herald;
+pub mod joining;
+pub mod link;
+pub mod membership;
+pub mod process;
+pub mod restarts;
+pub mod state_dir;
+pub mod subjects;
+pub mod vehicle;
+pub mod vehicle_process;
+pub mod world;

@@ -75,18 +75,22 @@ pub struct Traffic {
     pub lost_messages: u64,
 }
 
+/// Bytes sent, by the word of the message's kind.
+pub type BytesByKind = BTreeMap<&'static str, u64>;
+
 /// The bus.
 #[derive(Clone, Debug)]
 pub struct Bus {
     noise: Noise,
     model: BusModel,
     traffic: BTreeMap<NodeId, Traffic>,
+    sent_by_kind: BTreeMap<NodeId, BytesByKind>,
 }
 
 impl Bus {
     /// Makes a bus over which nothing was sent yet.
     pub fn new(noise: Noise, model: BusModel) -> Bus {
-        Bus { noise, model, traffic: BTreeMap::new() }
+        Bus { noise, model, traffic: BTreeMap::new(), sent_by_kind: BTreeMap::new() }
     }
 
     /// Sends a message to receivers (the sender among them is passed over) and gives what arrives.
@@ -106,6 +110,7 @@ impl Bus {
         let count = traffic.sent_messages;
         traffic.sent_messages += 1;
         traffic.sent_bytes += bytes;
+        *self.sent_by_kind.entry(sender).or_default().entry(message.word()).or_default() += bytes;
         let mut deliveries = Vec::with_capacity(receivers.len());
         for to in receivers.iter().copied().filter(|to| *to != sender) {
             let copies = self.copies(now, sender, to, count);
@@ -129,6 +134,11 @@ impl Bus {
     /// Gives what every node has sent and was sent, ascending.
     pub fn traffic(&self) -> &BTreeMap<NodeId, Traffic> {
         &self.traffic
+    }
+
+    /// Gives the bytes that every node has sent of each kind, ascending.
+    pub fn sent_by_kind(&self) -> &BTreeMap<NodeId, BytesByKind> {
+        &self.sent_by_kind
     }
 
     fn copies(&self, now: Time, sender: NodeId, to: NodeId, count: u64) -> u64 {
@@ -182,7 +192,7 @@ fn number(node: NodeId) -> u64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use tomoswarm_proto::{Progress, RunId, TileAddress, TileReport};
+    use tomoswarm_proto::{Progress, RunId, TileAddress, Want};
 
     const A: NodeId = NodeId::Vehicle(VehicleId(1));
     const B: NodeId = NodeId::Vehicle(VehicleId(2));
@@ -229,6 +239,8 @@ mod tests {
         assert_eq!(bus.traffic()[&A].sent_bytes * 2, bytes);
         assert_eq!(bus.traffic()[&B].delivered_bytes * 2, bytes);
         assert_eq!(bus.traffic()[&A].delivered_messages, 0);
+        let by_kind = BTreeMap::from([("progress", bus.traffic()[&A].sent_bytes)]);
+        assert_eq!(bus.sent_by_kind(), &BTreeMap::from([(A, by_kind)]));
     }
 
     #[test]
@@ -273,12 +285,12 @@ mod tests {
     #[test]
     fn what_no_message_may_hold_is_refused_on_either_side() {
         let mut bus = Bus::new(Noise::new(1), BusModel::default());
-        let tile = |cells| {
-            let address = TileAddress::default();
-            Message::Tile(TileReport { layer: Default::default(), address, revision: 1, cells })
+        let want = |tiles| {
+            let known = vec![(TileAddress { slice: -1, x: 1 << 20, y: 1 << 20 }, 1 << 20); tiles];
+            Message::Want(Want { layer: Default::default(), known })
         };
-        assert!(bus.send(Time::ZERO, A, &tile(vec![0; 300_000]), &ALL).is_err());
-        let sent = bus.send(Time::ZERO, A, &tile(vec![0; 3]), &ALL).unwrap();
+        assert!(bus.send(Time::ZERO, A, &want(100_000), &ALL).is_err());
+        let sent = bus.send(Time::ZERO, A, &want(4097), &ALL).unwrap();
         assert!(deliver(&sent[0].frame).is_err());
     }
 }

@@ -8,6 +8,7 @@
 //! ```
 
 mod journal;
+mod recorded;
 #[cfg(test)]
 mod rig;
 mod scripted;
@@ -17,29 +18,25 @@ use std::time::Duration;
 
 use tomoswarm_proto::{Beacon, Message, VehicleId};
 
-use super::air::{Air, Fate};
+pub(super) use self::recorded::Recording;
 use super::bus::{Bus, NodeId, deliver, receivers};
-use super::noise::{Noise, Purpose};
+use super::noise::Noise;
 use super::outcome::Recorder;
+use super::outside::{Happened, Later, Outside, TELEMETRY_EVERY, TRACK_EVERY, first_telemetry};
 use super::queue::EventQueue;
 use super::script::{Script, Step};
 use super::world::{Touch, World};
 use crate::actor::Fault;
-use crate::geom::Angle;
 use crate::ground::station::Note as GroundNote;
 use crate::ground::{self, GroundNode};
 use crate::node::mission::Remark as MissionRemark;
+use crate::node::outbox::Recalled;
 use crate::node::radio::Heard;
 use crate::node::route::Note as VehicleNote;
-use crate::node::sensor::Echo;
 use crate::node::vehicle::Fly;
 use crate::node::{self, VehicleNode};
 use crate::time::Time;
 
-/// Telemetry comes this often.
-const TELEMETRY_EVERY: Duration = Duration::from_millis(100);
-/// Tracks are recorded this often.
-const TRACK_EVERY: Duration = Duration::from_secs(1);
 /// After the end the sensors and radios are silent and nobody drives; the bus carries on for so long.
 const SETTLES: Duration = Duration::from_secs(20);
 /// What is to happen.
@@ -47,10 +44,8 @@ enum Event {
     Wake { node: usize, generation: u64 },
     Telemetry { vehicle: usize },
     Track,
-    Echo { vehicle: usize, echo: Echo },
-    AirEnds { number: u64 },
+    Later(Later),
     Deliver { to: NodeId, frame: Arc<[u8]> },
-    Touch(Touch),
     Script(Step),
 }
 
@@ -91,13 +86,11 @@ pub(super) struct Kernel {
     now: Time,
     noise: Noise,
     queue: EventQueue<Event>,
-    world: World,
+    outside: Outside,
     bus: Bus,
     vehicles: Vec<VehicleNode>,
     ground: GroundNode,
     alarms: Vec<Alarm>,
-    beams: Vec<Angle>,
-    air: Air,
     script: Script,
     until: Time,
     record: Recorder,
@@ -116,13 +109,11 @@ impl Kernel {
             now: Time::ZERO,
             noise: parts.noise,
             queue: EventQueue::new(ties),
-            world: parts.world,
+            outside: Outside::new(parts.world),
             bus: parts.bus,
             vehicles: parts.vehicles,
             ground: parts.ground,
             alarms: vec![Alarm::default(); count + 1],
-            beams: vec![Angle::default(); count],
-            air: Air::default(),
             script: parts.script,
             until: parts.until,
             record: Recorder::new(&ids),
@@ -137,9 +128,8 @@ impl Kernel {
 
     fn prime(&mut self) {
         for vehicle in 0..self.vehicles.len() {
-            let id = u64::from(self.vehicles[vehicle].id().0);
-            let share = self.noise.uniform(Purpose::Start, &[id]);
-            self.queue.push(Time::ZERO + TELEMETRY_EVERY.mul_f64(share), Event::Telemetry { vehicle });
+            let first = first_telemetry(self.noise, self.vehicles[vehicle].id());
+            self.queue.push(first, Event::Telemetry { vehicle });
         }
         self.queue.push(Time::ZERO + TRACK_EVERY, Event::Track);
         let (after, first) = self.script.first();
@@ -150,7 +140,15 @@ impl Kernel {
     }
 
     /// Runs to the end, or until `watch` (asked once a virtual second) says that it is enough.
-    pub fn run(&mut self, watch: &mut dyn FnMut(&Status) -> bool) -> Result<(), Fault> {
+    pub fn run(
+        &mut self,
+        watch: &mut dyn FnMut(&Status) -> bool,
+        mut recording: Option<Recording<'_>>,
+    ) -> Result<(), Fault> {
+        if let Some(recording) = &mut recording {
+            self.watch_actors();
+            self.hand_out(recording)?;
+        }
         while let Some((at, event)) = self.queue.pop() {
             if at > self.until {
                 break;
@@ -159,7 +157,11 @@ impl Kernel {
             self.now = at;
             self.record.counts.events += 1;
             let is_track = matches!(event, Event::Track);
-            self.happen(event)?;
+            let happened = self.happen(event);
+            if let Some(recording) = &mut recording {
+                self.hand_out(recording)?;
+            }
+            happened?;
             if is_track {
                 self.status.now = self.now;
                 if !watch(&self.status) {
@@ -171,12 +173,12 @@ impl Kernel {
     }
 
     /// Takes the run apart.
-    pub fn into_parts(mut self) -> (Recorder, World, GroundNode, Bus, Time, f64) {
+    pub fn into_parts(mut self) -> (Recorder, Outside, GroundNode, Bus, Time, f64) {
         self.log_holdings();
         self.record.sweep_done = self.script.is_sweep_done();
-        let separation_m = self.world.min_separation_m(self.now);
+        let separation_m = self.outside.min_separation_m(self.now);
         let end = self.ended.unwrap_or(self.now);
-        (self.record, self.world, self.ground, self.bus, end, separation_m)
+        (self.record, self.outside, self.ground, self.bus, end, separation_m)
     }
 
     /// Ends the run, but for what is still on its way.
@@ -191,7 +193,7 @@ impl Kernel {
         match event {
             Event::Wake { node, generation } => self.wake(node, generation),
             Event::Telemetry { vehicle } => {
-                let telemetry = self.world.telemetry(vehicle, self.now);
+                let telemetry = self.outside.world().telemetry(vehicle, self.now);
                 self.queue.push(self.now + TELEMETRY_EVERY, Event::Telemetry { vehicle });
                 self.tell(vehicle, node::Event::Telemetry(telemetry))
             }
@@ -199,26 +201,8 @@ impl Kernel {
                 self.track();
                 Ok(())
             }
-            Event::Echo { vehicle, echo } => self.tell(vehicle, node::Event::Echo(echo)),
-            Event::AirEnds { number } => self.end_of_beacon(number),
+            Event::Later(later) => self.outside(later),
             Event::Deliver { to, frame } => self.deliver(to, &frame),
-            Event::Touch(touch) => {
-                if let Some(collision) = self.world.touch(&touch) {
-                    self.log_collision(&collision);
-                    let with =
-                        collision.with.map_or("the scene".to_owned(), |peer| format!("vehicle {peer}"));
-                    let at = collision.place;
-                    self.record.failure.get_or_insert(format!(
-                        "vehicle {} touched {with} after {:.0} s at {:.2}, {:.2} m",
-                        collision.vehicle,
-                        self.now.as_secs_f64(),
-                        at.x_m,
-                        at.y_m
-                    ));
-                    self.end();
-                }
-                Ok(())
-            }
             Event::Script(step) => self.script(step),
         }
     }
@@ -230,7 +214,7 @@ impl Kernel {
         self.alarms[node].at = None;
         if node < self.vehicles.len() {
             self.vehicles[node].wake(self.now, &mut self.vehicle_effects)?;
-            self.carry_out(node);
+            self.carry_out(node)?;
         } else {
             self.ground.wake(self.now, &mut self.ground_effects)?;
             self.carry_out_ground();
@@ -241,7 +225,7 @@ impl Kernel {
 
     fn tell(&mut self, vehicle: usize, event: node::Event) -> Result<(), Fault> {
         self.vehicles[vehicle].tell(self.now, event, &mut self.vehicle_effects)?;
-        self.carry_out(vehicle);
+        self.carry_out(vehicle)?;
         self.set_alarm(vehicle);
         Ok(())
     }
@@ -270,62 +254,91 @@ impl Kernel {
         }
     }
 
-    fn carry_out(&mut self, vehicle: usize) {
-        let mut effects = std::mem::take(&mut self.vehicle_effects);
-        for effect in effects.drain(..) {
-            match effect {
-                // After the end nothing sets out any more; what moves comes to rest.
-                node::Effect::Fly(Fly::Drive { .. } | Fly::Turn(_)) if self.ended.is_some() => {}
-                node::Effect::Fly(fly) => {
-                    let touches = self.world.fly(vehicle, self.now, &fly);
-                    self.foresee(touches);
-                }
-                node::Effect::Steer(beam) => self.beams[vehicle] = beam,
-                node::Effect::Ping(_) | node::Effect::Transmit(_) if self.ended.is_some() => {}
-                node::Effect::Ping(ping) => self.ping(vehicle, ping.number),
-                node::Effect::Transmit(beacon) => self.transmit(vehicle, beacon),
-                node::Effect::Publish(message) => {
-                    self.publish(NodeId::Vehicle(self.vehicles[vehicle].id()), &message);
-                }
-                node::Effect::Note(note) => self.note(vehicle, &note),
+    /// Carries out what a vehicle wants done, and tells it what is known at once, until it wants nothing more.
+    fn carry_out(&mut self, vehicle: usize) -> Result<(), Fault> {
+        while !self.vehicle_effects.is_empty() {
+            let mut effects = std::mem::take(&mut self.vehicle_effects);
+            let answers: Vec<node::Event> =
+                effects.drain(..).filter_map(|effect| self.carry_out_one(vehicle, effect)).collect();
+            self.vehicle_effects = effects;
+            for answer in answers {
+                self.vehicles[vehicle].tell(self.now, answer, &mut self.vehicle_effects)?;
             }
         }
-        self.vehicle_effects = effects;
+        Ok(())
+    }
+
+    fn carry_out_one(&mut self, vehicle: usize, effect: node::Effect) -> Option<node::Event> {
+        match effect {
+            // After the end nothing sets out any more; what moves comes to rest.
+            node::Effect::Fly(Fly::Drive { .. } | Fly::Turn(_)) if self.ended.is_some() => {}
+            node::Effect::Fly(fly) => {
+                let touches = self.outside.fly(vehicle, self.now, &fly);
+                self.foresee(touches);
+            }
+            node::Effect::Steer(beam) => self.outside.steer(vehicle, beam),
+            node::Effect::Ping(_) | node::Effect::Transmit(_) if self.ended.is_some() => {}
+            node::Effect::Ping(ping) => self.ping(vehicle, ping.number),
+            node::Effect::Transmit(beacon) => self.transmit(vehicle, beacon),
+            node::Effect::Publish(message) => {
+                self.publish(NodeId::Vehicle(self.vehicles[vehicle].id()), &message);
+            }
+            node::Effect::Note(note) => self.note(vehicle, &note),
+            // Simulated vehicles have no disk: what they make is kept in their memory alone.
+            node::Effect::Keep(run, sample) => {
+                return Some(node::Event::Kept(self.vehicles[vehicle].boot(), run, sample));
+            }
+            node::Effect::Recall { after: _ } => {
+                return Some(node::Event::Recalled(Recalled { samples: Vec::new(), is_end: true }));
+            }
+            node::Effect::Forget { .. } => {}
+        }
+        None
     }
 
     /// Queues contacts that will happen unless the motion changes before.
     fn foresee(&mut self, touches: Vec<Touch>) {
         for touch in touches {
-            self.queue.push(touch.at, Event::Touch(touch));
+            self.queue.push(touch.at, Event::Later(Later::Touch(touch)));
         }
     }
 
     fn ping(&mut self, vehicle: usize, number: u64) {
         self.record.counts.scans += 1;
-        let (range_m, takes) = self.world.echo(vehicle, self.now, self.beams[vehicle], number);
-        self.queue.push(self.now + takes, Event::Echo { vehicle, echo: Echo { number, range_m } });
+        let (at, later) = self.outside.ping(vehicle, self.now, number);
+        self.queue.push(at, Event::Later(later));
     }
 
     fn transmit(&mut self, vehicle: usize, beacon: Beacon) {
-        let place = self.world.truth(vehicle, self.now).at;
-        let Some((number, ends)) = self.air.begin(self.now, vehicle, place, beacon) else { return };
-        self.queue.push(ends, Event::AirEnds { number });
+        if let Some((ends, later)) = self.outside.transmit(vehicle, self.now, beacon) {
+            self.queue.push(ends, Event::Later(later));
+        }
     }
 
-    fn end_of_beacon(&mut self, number: u64) -> Result<(), Fault> {
-        let sent = match self.air.end(self.now, number) {
-            Fate::Clear(sent) => sent,
-            Fate::Collided => {
+    /// Lets something happen outside the vehicles, and tells those who notice.
+    fn outside(&mut self, later: Later) -> Result<(), Fault> {
+        match self.outside.happen(self.now, later) {
+            Happened::Nothing => Ok(()),
+            Happened::Echo { vehicle, echo } => self.tell(vehicle, node::Event::Echo(echo)),
+            Happened::Collided => {
                 self.record.counts.collided_beacons += 1;
-                return Ok(());
+                Ok(())
             }
-            Fate::Unknown => return Ok(()),
-        };
-        for to in (0..self.vehicles.len()).filter(|to| *to != sent.from) {
-            let Some(rssi_dbm) = self.world.received_dbm(&sent, to, self.now) else { continue };
-            let Ok(Message::Beacon(beacon)) = deliver(&sent.frame) else { continue };
+            Happened::Heard { frame, receivers } => self.hear(&frame, &receivers),
+            Happened::Collision(collision) => {
+                self.log_collision(&collision);
+                self.record.failure.get_or_insert(collision.in_words());
+                self.end();
+                Ok(())
+            }
+        }
+    }
+
+    fn hear(&mut self, frame: &[u8], receivers: &[(usize, i16)]) -> Result<(), Fault> {
+        for (to, rssi_dbm) in receivers {
+            let Ok(Message::Beacon(beacon)) = deliver(frame) else { continue };
             self.record.counts.beacons_heard += 1;
-            self.tell(to, node::Event::Heard(Heard { beacon, rssi_dbm }))?;
+            self.tell(*to, node::Event::Heard(Heard { beacon, rssi_dbm: *rssi_dbm }))?;
         }
         Ok(())
     }

@@ -1,7 +1,10 @@
 //! What a run leaves behind: facts for pictures, files and tests. Nothing here is written anywhere.
 
+use std::collections::BTreeMap;
+
 use tomoswarm_proto::VehicleId;
 
+use super::bus::{BytesByKind, NodeId};
 use super::log::{Log, image_hash};
 use super::script::RUN;
 use super::world::Collision;
@@ -135,8 +138,8 @@ pub struct Outcome {
     pub outlines: Vec<Outline>,
     /// How often things happened.
     pub counts: Counts,
-    /// Bytes that all nodes sent over the bus.
-    pub bus_bytes: u64,
+    /// Bytes that every node sent over the bus, by kind of message.
+    pub bus_bytes: BTreeMap<NodeId, BytesByKind>,
     /// The deterministic log.
     pub log: String,
 }
@@ -146,6 +149,26 @@ impl Outcome {
     pub(super) fn take(pictures: &mut Vec<Picture>, subject: Subject) -> Option<Reconstruction> {
         let index = pictures.iter().position(|picture| (picture.run, picture.subject) == (RUN, subject))?;
         pictures.remove(index).result.ok()
+    }
+
+    /// Gives the bytes that all nodes sent over the bus, by kind of message.
+    pub fn bus_bytes_by_kind(&self) -> BytesByKind {
+        let mut all = BytesByKind::new();
+        for (kind, bytes) in self.bus_bytes.values().flatten() {
+            *all.entry(kind).or_default() += bytes;
+        }
+        all
+    }
+
+    /// Gives how much a vehicle sent over the bus, bytes a second, the mean over all vehicles. A message counts
+    /// once, however many receive it.
+    pub fn bus_bytes_per_vehicle_s(&self) -> f64 {
+        let of_vehicle = |(node, sent): (&NodeId, &BytesByKind)| match node {
+            NodeId::Vehicle(_) => sent.values().sum(),
+            NodeId::Ground | NodeId::Operator => 0,
+        };
+        let bytes: u64 = self.bus_bytes.iter().map(of_vehicle).sum();
+        bytes as f64 / self.simulated.as_secs_f64().max(1e-9) / self.tracks.len().max(1) as f64
     }
 
     /// Gives the objects found in the picture of changes, strongest first.

@@ -44,6 +44,11 @@ impl<E> EventQueue<E> {
         self.heap.pop().map(|entry| (entry.at, entry.event))
     }
 
+    /// Gives when the earliest event is to come.
+    pub fn next_at(&self) -> Option<Time> {
+        self.heap.peek().map(|entry| entry.at)
+    }
+
     /// Gives the number of events still to come.
     pub fn len(&self) -> usize {
         self.heap.len()

@@ -6,9 +6,11 @@ use tomoswarm_proto::{Boot, Lease, VehicleId};
 
 use super::body::Limits;
 use super::bus::{Bus, BusModel};
-use super::kernel::{Kernel, Parts, Status};
+use super::entry::Entry;
+use super::kernel::{Kernel, Parts, Recording, Status};
 use super::noise::{Noise, Purpose};
 use super::outcome::Outcome;
+use super::outside::{Outside, first_telemetry};
 use super::radio_field::{RadioConstants, RadioField};
 use super::range::{RangeModel, RangeSensor};
 use super::script::{EMPTY_RUN, RUN, Script};
@@ -181,11 +183,59 @@ impl Scenario {
     /// The scenario is impossible, or an actor cannot go on.
     pub fn run(&self, watch: &mut dyn FnMut(&Status) -> bool) -> Result<Outcome, RunError> {
         let mut kernel = Kernel::new(self.parts()?);
-        kernel.run(watch)?;
+        kernel.run(watch, None)?;
+        Ok(self.outcome(kernel)?)
+    }
+
+    /// Runs the scenario as [`Scenario::run`] does, and hands every step of every actor to `record`; a segment with
+    /// snapshots comes first, and again every `segment` of virtual time.
+    ///
+    /// # Errors
+    /// As for [`Scenario::run`].
+    pub fn run_recorded(
+        &self,
+        watch: &mut dyn FnMut(&Status) -> bool,
+        segment: Duration,
+        record: &mut dyn FnMut(Entry),
+    ) -> Result<Outcome, RunError> {
+        let mut kernel = Kernel::new(self.parts()?);
+        kernel.run(watch, Some(Recording::to(record, segment)))?;
         Ok(self.outcome(kernel)?)
     }
 
     fn parts(&self) -> Result<Parts, ScenarioError> {
+        let (sim, noise) = (&self.sim, self.noise);
+        let (world, second) = self.world()?;
+        let start = |vehicle| Some((vehicle, sim.home(vehicle)?));
+        let node =
+            |(vehicle, home)| VehicleNode::new(&NodeSettings::from_config(sim, vehicle, Boot(1), home));
+        Ok(Parts {
+            noise,
+            world,
+            bus: Bus::new(noise, self.bus()),
+            vehicles: sim.vehicle_ids().filter_map(start).map(node).collect(),
+            ground: self.ground()?,
+            script: Script::new(second, sim.end, sim.vehicles.count),
+            until: Time::ZERO + sim.until,
+            shuffle_ties: self.shuffle_ties,
+        })
+    }
+
+    /// Makes the world as a run begins, with all vehicles at home, and what stands there once the persons have
+    /// entered (`None` when they are in it from the beginning).
+    ///
+    /// # Errors
+    /// The scene cannot be built, or a vehicle cannot be put into it.
+    pub fn outside(&self) -> Result<(Outside, Option<Stage>), ScenarioError> {
+        self.world().map(|(world, second)| (Outside::new(world), second))
+    }
+
+    /// Gives when the telemetry of a vehicle comes for the first time.
+    pub fn first_telemetry(&self, vehicle: VehicleId) -> Time {
+        first_telemetry(self.noise, vehicle)
+    }
+
+    fn world(&self) -> Result<(World, Option<Stage>), ScenarioError> {
         let (sim, noise) = (&self.sim, self.noise);
         let populated = self.stage(&self.persons)?;
         let (first, second) =
@@ -198,23 +248,12 @@ impl Scenario {
             RadioField::new(noise, radio_constants(&sim.radio)),
             RangeSensor::new(self.range()),
         );
-        let mut vehicles = Vec::new();
         for vehicle in sim.vehicle_ids() {
             let Some(home) = sim.home(vehicle) else { continue };
             let heading = home.angle_to(sim.venue.area.centre());
             world.place(vehicle, home, heading).map_err(|reason| ScenarioError::Body { vehicle, reason })?;
-            vehicles.push(VehicleNode::new(&NodeSettings::from_config(sim, vehicle, Boot(1), home)));
         }
-        Ok(Parts {
-            noise,
-            world,
-            bus: Bus::new(noise, self.bus()),
-            vehicles,
-            ground: self.ground()?,
-            script: Script::new(second, sim.end, sim.vehicles.count),
-            until: Time::ZERO + sim.until,
-            shuffle_ties: self.shuffle_ties,
-        })
+        Ok((world, second))
     }
 
     fn build(&self) -> Build {
@@ -274,7 +313,7 @@ impl Scenario {
     }
 
     fn outcome(&self, kernel: Kernel) -> Result<Outcome, ScenarioError> {
-        let (mut record, world, ground, bus, simulated, separation_m) = kernel.into_parts();
+        let (mut record, outside, ground, bus, simulated, separation_m) = kernel.into_parts();
         let station = ground.station();
         let outlines = self.scene(&[])?.outlines(self.sim.vehicles.antenna_height_m);
         let finished = record.sweep_done && record.failure.is_none();
@@ -284,8 +323,8 @@ impl Scenario {
             finished,
             failure,
             simulated,
-            collisions: world.collisions().to_vec(),
-            fence_breaches: world.fence_breaches(),
+            collisions: outside.world().collisions().to_vec(),
+            fence_breaches: outside.world().fence_breaches(),
             min_separation_m: separation_m.is_finite().then_some(separation_m),
             samples: station.samples().count(RUN),
             links: station.samples().links(RUN),
@@ -297,7 +336,7 @@ impl Scenario {
             persons: self.persons.clone(),
             outlines,
             counts: record.counts,
-            bus_bytes: bus.traffic().values().map(|traffic| traffic.sent_bytes).sum(),
+            bus_bytes: bus.sent_by_kind().clone(),
             log: record.log.into_text(),
         })
     }

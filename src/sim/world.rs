@@ -60,6 +60,18 @@ pub struct Collision {
     pub place: Point,
 }
 
+impl Collision {
+    /// Says who touched what, when and where.
+    pub fn in_words(&self) -> String {
+        let with = self.with.map_or("the scene".to_owned(), |peer| format!("vehicle {peer}"));
+        let (after_s, at) = (self.at.as_secs_f64(), self.place);
+        format!(
+            "vehicle {} touched {with} after {after_s:.0} s at {:.2}, {:.2} m",
+            self.vehicle, at.x_m, at.y_m
+        )
+    }
+}
+
 /// Something that will happen unless the motion changes before.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub struct Touch {
@@ -137,6 +149,16 @@ impl World {
         (0..self.rovers.len()).flat_map(|vehicle| self.touches(vehicle, now)).collect()
     }
 
+    /// Gives how many vehicles there are.
+    pub fn vehicles(&self) -> usize {
+        self.rovers.len()
+    }
+
+    /// Gives the id of a vehicle.
+    pub fn id(&self, vehicle: usize) -> VehicleId {
+        self.rovers[vehicle].id
+    }
+
     /// Gives where a vehicle truly is.
     pub fn truth(&self, vehicle: usize, now: Time) -> BodyState {
         self.rovers[vehicle].body.pose_at(now)
@@ -195,7 +217,7 @@ impl World {
         };
         // An impossible command leaves the motion as it was, as an autopilot would.
         if obeyed.is_err() {
-            return Vec::new();
+            return self.touches(vehicle, now);
         }
         self.judge_fence(vehicle, now);
         self.touches(vehicle, now)
@@ -210,7 +232,8 @@ impl World {
         }
     }
 
-    fn touches(&self, vehicle: usize, now: Time) -> Vec<Touch> {
+    /// Gives the contacts that the present motion of a vehicle leads to.
+    pub fn touches(&self, vehicle: usize, now: Time) -> Vec<Touch> {
         let rover = &self.rovers[vehicle];
         let one = (vehicle, rover.commands);
         let (radius_m, height_m) = (self.build.radius_m, self.build.height_m);

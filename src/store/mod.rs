@@ -3,3 +3,5 @@
 //! Nothing here decides; it writes what it is handed, and gives it back after a restart.
 
 #![allow(clippy::disallowed_methods, reason = "the shell reads clocks and writes files")]
+
+pub mod recording;

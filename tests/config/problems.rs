@@ -97,7 +97,7 @@ fn an_unknown_key_names_the_nearest_known_one() {
     check_sim(
         "[radio]\nxyzzy = 1\n",
         &[
-            "configs/a.toml:5: radio.xyzzy: is not known; known here: channel, power_dbm, frequency_hz, p0_dbm, exponent, rician_k, packet_sd_db, sensitivity_dbm, sensitivity_slope_db, object_limit_db, slot_ms",
+            "configs/a.toml:5: radio.xyzzy: is not known; known here: channel, power_dbm, slot_ms, frequency_hz, p0_dbm, exponent, rician_k, packet_sd_db, sensitivity_dbm, sensitivity_slope_db, object_limit_db",
         ],
     );
     check_sim(
@@ -111,13 +111,15 @@ fn a_file_of_no_or_another_kind_is_refused() {
     check(
         "x.toml",
         "",
-        &["x.toml:1: kind: is missing; a file begins with kind = \"venue\", \"scene\" or \"sim\""],
+        &[
+            "x.toml:1: kind: is missing; a file begins with kind = \"venue\", \"scene\", \"sim\", \"vehicle\", \"ground\" or \"operator\"",
+        ],
     );
     check(
         "x.toml",
         "kind = \"vheicle\"\n",
         &[
-            "x.toml:1: kind = \"vheicle\": is not known; a file begins with kind = \"venue\", \"scene\" or \"sim\"",
+            "x.toml:1: kind = \"vheicle\": is not known; a file begins with kind = \"venue\", \"scene\", \"sim\", \"vehicle\", \"ground\" or \"operator\"",
         ],
     );
     check(

@@ -135,7 +135,7 @@ impl Place {
         outcome
     }
 
-    fn scenario(&self) -> Scenario {
+    pub fn scenario(&self) -> Scenario {
         let mut loader = |name: &str| match name {
             "venue.toml" => Ok(self.venue()),
             "scene.toml" => Ok("kind = \"scene\"\nname = \"blocks\"\n".to_owned()),

@@ -1,5 +1,7 @@
 //! One message of every kind with all fields set, in the order of the kinds.
 
+use std::sync::Arc;
+
 use tomoswarm_proto::*;
 
 fn position(x_m: f64, y_m: f64) -> Position {
@@ -138,7 +140,13 @@ fn report() -> Report {
 
 /// Gives the examples with the names of their golden files.
 pub fn examples() -> Vec<(&'static str, Message)> {
-    let cells = (0..TILE_CELLS).map(|index| (index % 35) as i8 - 17).collect();
+    // A free stretch, cells all different, and an unknown rest.
+    let cell = |index: usize| match index {
+        0..700 => -17,
+        700..800 => (index % 35) as i8 - 17,
+        _ => 0,
+    };
+    let cells = Arc::new(std::array::from_fn(cell));
     let watermark = HeardFrom { vehicle: VehicleId(2), boot: Boot(5), run: RunId(9), below: 42 };
     let hello = Hello {
         node: Sender::Vehicle(VehicleId(2)),
@@ -149,7 +157,7 @@ pub fn examples() -> Vec<(&'static str, Message)> {
         software: "tomoswarm 0.1.0".to_owned(),
         capabilities: vec!["range".to_owned(), "radio".to_owned()],
     };
-    let digest = LayerDigest { layer: layer(), tiles: 12, hash: 0xfedc_ba98_7654_3210 };
+    let digest = LayerDigest { layer: layer(), tiles: 12, revisions: 340, hash: 0xfedc_ba98_7654_3210 };
     vec![
         ("hello", Message::Hello(hello)),
         ("state", Message::State(state())),

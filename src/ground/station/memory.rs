@@ -113,7 +113,7 @@ impl Station {
         samples.into_iter().for_each(|batch| {
             station.samples.take(&batch);
         });
-        tiles.into_iter().for_each(|tile| station.join(&tile));
+        tiles.into_iter().for_each(|tile| station.join(Time::ZERO, &tile));
         station.remembered = Some(station.brief());
         station
     }

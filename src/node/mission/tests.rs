@@ -1,6 +1,8 @@
 //! What the mission actor does with plans, orders and what is in its way; its map is known free around the datum.
 
-use tomoswarm_proto::{Lease, Mode, Position, Stop, TILE_CELLS, TileAddress};
+use std::sync::Arc;
+
+use tomoswarm_proto::{Lease, Mode, Position, Stop, TileAddress};
 
 use super::super::tests_support::{settings, state};
 use super::*;
@@ -27,7 +29,7 @@ fn tiles(wall: Option<(f64, f64)>) -> Vec<In> {
         layer: Default::default(),
         address: TileAddress { slice: 0, x, y },
         revision: 1,
-        cells: (0..TILE_CELLS).map(|index| cell(x, index)).collect(),
+        cells: Arc::new(std::array::from_fn(|index| cell(x, index))),
     };
     (-1..1).flat_map(|x| (-1..1).map(move |y| (x, y))).map(|(x, y)| In::Tile(tile(x, y))).collect()
 }

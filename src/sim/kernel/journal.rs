@@ -3,8 +3,9 @@
 
 use tomoswarm_proto::Digest;
 
-use super::{Event, Kernel, TRACK_EVERY};
+use super::{Event, Kernel};
 use crate::sim::log::hash;
+use crate::sim::outside::TRACK_EVERY;
 use crate::sim::script::RUN;
 use crate::sim::world::Collision;
 
@@ -46,7 +47,7 @@ impl Kernel {
     pub(super) fn track(&mut self) {
         self.queue.push(self.now + TRACK_EVERY, Event::Track);
         for vehicle in 0..self.vehicles.len() {
-            let state = self.world.truth(vehicle, self.now);
+            let state = self.outside.world().truth(vehicle, self.now);
             self.record.track(vehicle, state.at);
         }
         if self.now.as_nanos() % 10_000_000_000 < 1_000_000_000 {
@@ -56,7 +57,7 @@ impl Kernel {
 
     fn log_poses(&mut self) {
         for vehicle in 0..self.vehicles.len() {
-            let state = self.world.truth(vehicle, self.now);
+            let state = self.outside.world().truth(vehicle, self.now);
             let who = format!("vehicle {}", self.vehicles[vehicle].id());
             let (at, degrees) = (state.at, state.heading.degrees());
             self.log(

@@ -29,7 +29,7 @@ impl Kernel {
             }
             Act::Enter(stage) => {
                 if let Some(stage) = stage {
-                    let touches = self.world.set_stage(*stage, self.now);
+                    let touches = self.outside.set_stage(*stage, self.now);
                     self.foresee(touches);
                 }
                 self.log("scenario", format_args!("the persons enter"));

@@ -1,0 +1,157 @@
+//! Figures of the live runtime on this machine, over loopback: `cargo bench --bench live`.
+//!
+//! - a newly occupied tile, handed to the bus → joined in another vehicle's map, beside a bare put → callback of the
+//!   same size, taken in turn in one run;
+//! - a scan that calls for a halt → Hold handed to the autopilot's driver, while a search for a path and merging of
+//!   tiles keep the other actors busy on 1,000 × 1,000 cells.
+
+use std::sync::mpsc::{Receiver, Sender as Channel, channel};
+use std::sync::{Arc, Mutex, PoisonError};
+use std::time::{Duration, Instant};
+
+use tomoswarm::config::{self, bundled};
+use tomoswarm::node::Settings;
+use tomoswarm::node::map::{self, Map};
+use tomoswarm::run::bus::{Bus, BusSettings, Heard, Topology};
+use tomoswarm::run::clock::Clock;
+use tomoswarm::run::desk::{Desk, Ending, Office, Post, Troubles, seat};
+use tomoswarm_proto::{Boot, LayerId, Message, Sender, TileAddress, TileReport, VehicleId, codec};
+use zenoh::Wait;
+
+/// Messages measured, each way.
+const ROUNDS: u32 = 1500;
+/// Between two of them; so that each meets a quiet system, as a newly seen obstacle does.
+const PAUSE: Duration = Duration::from_millis(4);
+
+fn main() {
+    println!("machine: {} cores", std::thread::available_parallelism().map_or(0, usize::from));
+    tile_latency();
+}
+
+fn free_endpoint() -> String {
+    let socket = std::net::TcpListener::bind("127.0.0.1:0").unwrap();
+    format!("tcp/{}", socket.local_addr().unwrap())
+}
+
+fn bus(id: u8, listen: &str, connect: &[String], hear: impl Fn(Heard) + Send + Sync + 'static) -> Bus {
+    let settings = BusSettings {
+        node: Sender::Vehicle(VehicleId(id)),
+        prefix: "tomoswarm/bench".to_owned(),
+        topology: Topology::Mesh,
+        listen: vec![listen.to_owned()],
+        connect: connect.to_vec(),
+        trust: None,
+        lease: Duration::from_secs(3),
+        egress_bytes_per_s: 100_000_000,
+    };
+    let bus = Bus::open(settings, Clock::start(), Troubles::default(), hear).unwrap();
+    bus.mouth().speak();
+    bus
+}
+
+fn office() -> (Office, Receiver<Ending>) {
+    let (endings, ended) = channel();
+    (Office { clock: Clock::start(), troubles: Troubles::default(), endings }, ended)
+}
+
+fn sender<T: Send>(channel: Channel<T>) -> impl Fn(T) + Send + Sync {
+    let channel = Mutex::new(channel);
+    move |what| channel.lock().unwrap_or_else(PoisonError::into_inner).send(what).unwrap_or_default()
+}
+
+/// A vehicle of the bundled simulation.
+fn settings(id: u8) -> Settings {
+    let mut loader = |name: &str| bundled::load(name);
+    let text = loader(bundled::COURTYARD).unwrap();
+    let sim = config::read_sim(bundled::COURTYARD, &text, None, &mut loader).unwrap();
+    let home = sim.home(VehicleId(id)).unwrap();
+    Settings::from_config(&sim, VehicleId(id), Boot(1), home)
+}
+
+fn tile(revision: u32) -> Message {
+    let layer = LayerId { vehicle: VehicleId(1), boot: Boot(1) };
+    // What a tile looks like: a wall, free space before it, nothing known behind.
+    let cell = |index: usize| match index / 32 {
+        row if row < 14 => -17,
+        14 | 15 => 9 + (index % 3) as i8,
+        _ => 0,
+    };
+    let cells = Arc::new(std::array::from_fn(cell));
+    Message::Tile(TileReport { layer, address: TileAddress::default(), revision, cells })
+}
+
+fn bare(endpoint: &str, is_listening: bool) -> zenoh::Session {
+    let (listen, connect) = if is_listening {
+        (format!("[\"{endpoint}\"]"), "[]".into())
+    } else {
+        ("[]".into(), format!("[\"{endpoint}\"]"))
+    };
+    let text = format!(
+        r#"{{"mode":"peer","listen":{{"endpoints":{listen}}},"connect":{{"endpoints":{connect}}},"scouting":{{"multicast":{{"enabled":false}}}}}}"#
+    );
+    zenoh::open(zenoh::Config::from_json5(&text).unwrap()).wait().unwrap()
+}
+
+fn tile_latency() {
+    let (here, there) = (free_endpoint(), free_endpoint());
+    let (joined, by_map) = channel();
+    let (office, _ended) = office();
+    let desk: Desk<map::In> = Desk::new("map");
+    let settings = settings(2);
+    let say = move |out| {
+        if let map::Out::Tiles(_) = out {
+            joined.send(Instant::now()).unwrap_or_default();
+        }
+    };
+    seat(&office, &desk, Post::Vital, move || Ok(Map::new(settings.clone())), say).unwrap();
+    let to_map = desk.clone();
+    let _two = bus(2, &here, &[], move |heard| {
+        if let Heard::Message(_, Message::Tile(report)) = heard {
+            to_map.tell(map::In::Tile(report));
+        }
+    });
+    let one = bus(1, &there, &[here], |_| {});
+    let (heard, by_callback) = channel();
+    let heard = sender(heard);
+    let endpoint = free_endpoint();
+    let receiver = bare(&endpoint, true);
+    let subscriber =
+        receiver.declare_subscriber("bench/tile").callback(move |_| heard(Instant::now())).wait().unwrap();
+    let publisher = bare(&endpoint, false);
+    let frame = codec::encode(&tile(1)).unwrap();
+    std::thread::sleep(Duration::from_secs(1));
+    let (mut ours, mut plain) = (Vec::new(), Vec::new());
+    for round in 1..=ROUNDS {
+        let message = tile(round);
+        let began = Instant::now();
+        one.mouth().publish(&message);
+        ours.extend(by_map.recv_timeout(Duration::from_secs(1)).ok().map(|at| at - began));
+        std::thread::sleep(PAUSE);
+        let bytes = frame.clone();
+        let began = Instant::now();
+        publisher.put("bench/tile", bytes).wait().unwrap();
+        plain.extend(by_callback.recv_timeout(Duration::from_secs(1)).ok().map(|at| at - began));
+        std::thread::sleep(PAUSE);
+    }
+    drop(subscriber);
+    desk.close();
+    println!("tile of {} bytes, {} and {} of {ROUNDS} arrived", frame.len(), ours.len(), plain.len());
+    let (ours, plain) = (quantiles(ours), quantiles(plain));
+    print_row("handed to the bus -> joined", ours);
+    print_row("bare put -> callback", plain);
+    println!(
+        "ratio: median {:.2} (wanted <= 1.5), p99 {:.2} (wanted <= 3)",
+        ours.0 / plain.0,
+        ours.1 / plain.1
+    );
+}
+
+fn quantiles(mut spans: Vec<Duration>) -> (f64, f64, f64) {
+    spans.sort();
+    let at = |share: f64| spans[((spans.len() - 1) as f64 * share) as usize].as_secs_f64() * 1e6;
+    (at(0.5), at(0.99), at(1.0))
+}
+
+fn print_row(what: &str, (median, p99, most): (f64, f64, f64)) {
+    println!("{what:32} median {median:7.1} us, p99 {p99:7.1} us, most {most:7.1} us");
+}

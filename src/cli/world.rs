@@ -1,0 +1,129 @@
+//! `tomoswarm world CONFIG`: the simulated world as a process of its own, for vehicles that are real processes.
+
+use std::io::Write;
+use std::net::SocketAddr;
+use std::path::PathBuf;
+
+use super::answer::complain;
+use super::describe::describe;
+use super::error::CliError;
+use super::load;
+use super::stop::Stop;
+use crate::config::Config;
+use crate::run::link::Status;
+use crate::run::world::{WorldError, WorldServer};
+use crate::sim::Scenario;
+
+/// Run the simulated world of a live simulation: bodies, range sensors, radios, and the referee.
+///
+/// The simulated drivers of `tomoswarm vehicle` connect to it, over a socket of this machine that has nothing to do with
+/// the bus. When it is ready it prints one line, `world ADDRESS`, and runs until Ctrl-C, SIGTERM, or until a director
+/// ends it; then it prints what the referee saw. Who does not know the token is refused.
+///
+/// A vehicle whose process is gone or silent for 2 s brakes and stands; when it comes back (with a higher boot), it goes
+/// on from there. A contact ends all motion of those involved.
+#[derive(clap::Args, Debug)]
+#[command(after_help = AFTER_HELP)]
+pub struct WorldArgs {
+    /// A simulation file (kind = "sim"); see configs/courtyard.sim.toml
+    #[arg(value_name = "CONFIG")]
+    pub config: PathBuf,
+    /// Address to listen on, of this machine only; port 0 takes a free one
+    #[arg(long, value_name = "ADDRESS", default_value = "127.0.0.1:0")]
+    pub listen: SocketAddr,
+    /// What those who connect must know [default: drawn, and printed behind the address]
+    #[arg(long, value_name = "TEXT")]
+    pub token: Option<String>,
+    /// Seed of everything that is random [default: the file's]
+    #[arg(long, value_name = "N", allow_negative_numbers = true)]
+    pub seed: Option<u64>,
+    /// Number of vehicles, 2 to 8, in place of the file's; the venue must have a home for each
+    #[arg(long, value_name = "N", allow_negative_numbers = true)]
+    pub vehicles: Option<usize>,
+    /// Print what would start, and end
+    #[arg(long)]
+    pub check: bool,
+}
+
+const AFTER_HELP: &str = "\
+Examples:
+  tomoswarm world configs/courtyard.sim.toml --check
+  tomoswarm world configs/courtyard.sim.toml --listen 127.0.0.1:7000 --token anything
+
+Exit codes: 0 ended as asked; 1 it could not listen, or the referee saw a collision; 2 bad usage or bad files.";
+
+impl WorldArgs {
+    /// Runs the world until it is ended.
+    ///
+    /// # Errors
+    /// Bad files, an address that cannot be used, or a collision.
+    pub fn run(&self, out: &mut dyn Write) -> Result<(), CliError> {
+        let scenario = self.scenario()?;
+        if self.check {
+            return say(out, &self.plan(&scenario));
+        }
+        let token = self.token.clone().map_or_else(draw_token, Ok)?;
+        let server = WorldServer::start(&scenario, self.listen, &token).map_err(refused)?;
+        let stopper = server.stopper();
+        let _stop = Stop::listen_with(move || stopper.stop());
+        let drawn = if self.token.is_none() { format!(" token {token}") } else { String::new() };
+        say(out, &format!("world {}{drawn}\n", server.address()))?;
+        let status = server.wait();
+        say(out, &summary(&status))?;
+        match status.collision_count {
+            0 => Ok(()),
+            count => Err(CliError::Mission(format!("collisions: {count}"))),
+        }
+    }
+
+    fn scenario(&self) -> Result<Scenario, CliError> {
+        let loaded = load::load(Some(&self.config), self.vehicles)?;
+        for warning in &loaded.shapes.warnings {
+            complain(&format_args!("warning: {warning}"));
+        }
+        load::scenario(loaded, Some(&self.config), self.seed)
+    }
+
+    fn plan(&self, scenario: &Scenario) -> String {
+        let described = describe(&Config::Sim(Box::new(scenario.sim().clone())));
+        let token = if self.token.is_some() { "as given" } else { "drawn at the start" };
+        format!(
+            "{}: {described}  world        would listen on {}, token {token}\n",
+            self.config.display(),
+            self.listen
+        )
+    }
+}
+
+/// Says what is wrong: the user's input, or this machine.
+fn refused(error: WorldError) -> CliError {
+    match error {
+        WorldError::NotLoopback { .. } | WorldError::Token { .. } | WorldError::Scenario(_) => {
+            CliError::Usage(error.to_string())
+        }
+        WorldError::Listen { .. } => CliError::Fault(error.to_string()),
+    }
+}
+
+fn draw_token() -> Result<String, CliError> {
+    let drawn = getrandom::u64().map_err(|error| CliError::Fault(format!("no randomness: {error}")))?;
+    Ok(format!("{drawn:016x}"))
+}
+
+fn summary(status: &Status) -> String {
+    let separation =
+        status.min_separation_m.map_or("none".to_owned(), |separation_m| format!("{separation_m:.2} m"));
+    format!(
+        "ended after {:.1} s: {} collisions, {} fence breaches, smallest separation {separation}, {} scans, {} beacons heard\n",
+        status.now_ns as f64 * 1e-9,
+        status.collision_count,
+        status.fence_breaches,
+        status.scans,
+        status.beacons_heard
+    )
+}
+
+fn say(out: &mut dyn Write, text: &str) -> Result<(), CliError> {
+    let written = out.write_all(text.as_bytes()).and_then(|()| out.flush());
+    written.map_err(|source| CliError::Write { path: "standard output".into(), source })
+}

@@ -1,0 +1,240 @@
+//! What the outbox promises, told from outside: samples in, batches out.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use tomoswarm_proto::HeardFrom;
+
+use super::*;
+
+const OWN: VehicleId = VehicleId(1);
+
+fn sample(sequence: u64) -> Sample {
+    Sample {
+        sequence,
+        heard_at_ns: 0,
+        transmitter: VehicleId(2),
+        transmitter_pose: Default::default(),
+        receiver_pose: Default::default(),
+        channel: 11,
+        power_dbm: 0,
+        rssi_dbm: Some(-60),
+    }
+}
+
+fn kept(boot: u32, run: u32, sequence: u64) -> In {
+    In::Kept((Boot(boot), RunId(run), sample(sequence)))
+}
+
+fn have(store: u64, marks: &[(u32, u32, u64)], closed: &[u32]) -> In {
+    let mark = |(boot, run, below): &(u32, u32, u64)| HeardFrom {
+        vehicle: OWN,
+        boot: Boot(*boot),
+        run: RunId(*run),
+        below: *below,
+    };
+    let watermarks = marks.iter().map(mark).collect();
+    In::Have(Have { store, watermarks, closed: closed.iter().map(|run| RunId(*run)).collect() })
+}
+
+/// An outbox with the disk at its edge: everything kept, until it is forgotten.
+struct Rig {
+    outbox: Outbox,
+    now: Time,
+    disk: BTreeMap<Place, Sample>,
+    forgets: Vec<(u32, u32, u64)>,
+}
+
+impl Rig {
+    fn new() -> Rig {
+        Rig { outbox: Outbox::new(OWN), now: Time::ZERO, disk: BTreeMap::new(), forgets: Vec::new() }
+    }
+
+    /// Keeps samples of boot 1 and run 1 on disk and tells of them.
+    fn keep(&mut self, sequences: impl Iterator<Item = u64>) {
+        for sequence in sequences {
+            self.on_disk(1, 1, sequence);
+            self.tell(kept(1, 1, sequence));
+        }
+    }
+
+    fn on_disk(&mut self, boot: u32, run: u32, sequence: u64) {
+        self.disk.insert(Place { boot: Boot(boot), run: RunId(run), sequence }, sample(sequence));
+    }
+
+    fn tell(&mut self, input: In) {
+        let mut out = Vec::new();
+        self.outbox.handle(self.now, input, &mut out).unwrap();
+        self.carry_out(out);
+    }
+
+    /// Answers what is wanted of the disk; gives what goes to the bus.
+    fn carry_out(&mut self, out: Vec<Out>) -> Vec<Samples> {
+        let mut published = Vec::new();
+        for said in out {
+            match said {
+                Out::Publish(batch) => published.push(batch),
+                Out::Forget { boot, run, below } => {
+                    self.disk
+                        .retain(|place, _| (place.boot, place.run) != (boot, run) || place.sequence >= below);
+                    self.forgets.push((boot.0, run.0, below));
+                }
+                Out::Recall { after } => self.answer(after),
+            }
+        }
+        published
+    }
+
+    fn answer(&mut self, after: Option<Place>) {
+        let all = self.disk.iter().filter(|(place, _)| after.is_none_or(|after| **place > after));
+        let all: Vec<(Boot, RunId, Sample)> =
+            all.map(|(place, sample)| (place.boot, place.run, *sample)).collect();
+        let is_end = all.len() <= CHUNK;
+        let samples = all.into_iter().take(CHUNK).collect();
+        self.tell(In::Recalled(Recalled { samples, is_end }));
+    }
+
+    /// Lets it act at its next deadline; gives the batches.
+    fn flush(&mut self) -> Vec<Samples> {
+        let Some(deadline) = self.outbox.deadline() else { return Vec::new() };
+        self.now = self.now.max(deadline.at);
+        let mut out = Vec::new();
+        self.outbox.wake(self.now, &mut out).unwrap();
+        self.carry_out(out)
+    }
+
+    /// Flushes for some seconds; gives the sequences in the order in which they were sent.
+    fn sent(&mut self, seconds: usize) -> Vec<u64> {
+        let batches: Vec<Samples> = (0..seconds).flat_map(|_| self.flush()).collect();
+        batches.iter().flat_map(|batch| batch.samples.iter().map(|sample| sample.sequence)).collect()
+    }
+}
+
+#[test]
+fn what_the_ground_has_not_confirmed_is_sent_again() {
+    let mut rig = Rig::new();
+    rig.keep(0..300);
+    assert_eq!(rig.sent(1), (0..300).collect::<Vec<_>>());
+    rig.tell(have(1, &[(1, 1, 100)], &[]));
+    assert_eq!(rig.sent(4), (100..300).collect::<Vec<_>>());
+    rig.tell(have(1, &[(1, 1, 300)], &[]));
+    assert!(rig.sent(9).is_empty());
+    assert_eq!(rig.outbox.deadline(), None);
+}
+
+#[test]
+fn after_a_cut_the_bus_is_not_flooded_and_all_arrives() {
+    let mut rig = Rig::new();
+    rig.keep(0..5000);
+    let mut below = 0;
+    for _ in 0..5 {
+        let sent = rig.sent(1);
+        assert!(sent.len() <= BATCHES * BATCH, "{} at once", sent.len());
+        below = sent.last().map_or(below, |last| last + 1);
+        rig.tell(have(1, &[(1, 1, below)], &[]));
+    }
+    assert_eq!(below, 5000);
+}
+
+#[test]
+fn what_is_repeated_does_not_keep_back_what_is_new() {
+    let mut rig = Rig::new();
+    rig.keep(0..20_000);
+    // Nothing is ever confirmed: repetitions wait until all has been sent.
+    let seen: BTreeSet<u64> = rig.sent(20).into_iter().collect();
+    assert_eq!(seen.len(), 20_000);
+}
+
+#[test]
+fn repetitions_become_rare_while_nothing_gets_through() {
+    let mut rig = Rig::new();
+    rig.keep(0..128);
+    rig.tell(have(1, &[], &[]));
+    let batches = (0..1000).flat_map(|_| rig.flush()).count();
+    assert!((5..=12).contains(&batches), "{batches} batches in 1000 s");
+    // A ground that comes back is sent at once what it may have missed.
+    rig.tell(have(1, &[], &[]));
+    assert_eq!(rig.sent(1).len(), 128);
+}
+
+#[test]
+fn a_new_store_is_sent_everything_that_is_kept() {
+    let mut rig = Rig::new();
+    rig.tell(have(1, &[], &[]));
+    rig.keep(0..10);
+    assert_eq!(rig.sent(2), (0..10).collect::<Vec<_>>());
+    rig.tell(have(1, &[(1, 1, 10)], &[]));
+    assert!(rig.sent(1).is_empty());
+    // Another store is not listened to while the first one is heard.
+    rig.tell(have(2, &[], &[]));
+    assert!(rig.sent(1).is_empty());
+    rig.now = rig.now + Duration::from_secs(6);
+    rig.tell(have(2, &[], &[]));
+    assert_eq!(rig.sent(2), (0..10).collect::<Vec<_>>());
+}
+
+#[test]
+fn after_a_restart_samples_of_earlier_boots_are_sent_under_their_boots() {
+    let mut rig = Rig::new();
+    (0..300).for_each(|sequence| rig.on_disk(1, 7, sequence));
+    (0..50).for_each(|sequence| rig.on_disk(2, 7, sequence));
+    rig.tell(have(1, &[(1, 7, 200)], &[]));
+    let batches: Vec<Samples> = (0..3).flat_map(|_| rig.flush()).collect();
+    let sent: Vec<(u32, u64)> = batches
+        .iter()
+        .flat_map(|batch| batch.samples.iter().map(|sample| (batch.boot.0, sample.sequence)))
+        .collect();
+    let expected: Vec<(u32, u64)> =
+        (200..300).map(|sequence| (1, sequence)).chain((0..50).map(|sequence| (2, sequence))).collect();
+    assert_eq!(sent, expected);
+}
+
+#[test]
+fn only_confirmed_samples_of_closed_runs_are_forgotten_and_only_once() {
+    let mut rig = Rig::new();
+    rig.keep(0..10);
+    rig.tell(have(1, &[(1, 1, 10)], &[]));
+    assert!(rig.forgets.is_empty() && rig.disk.len() == 10);
+    rig.tell(have(1, &[(1, 1, 8)], &[1]));
+    rig.tell(have(1, &[(1, 1, 8)], &[1]));
+    assert_eq!(rig.forgets, [(1, 1, 8)]);
+    assert_eq!(rig.disk.len(), 2);
+}
+
+#[test]
+fn memory_is_bounded_and_what_does_not_fit_is_sent_later() {
+    let all = CAPACITY as u64 + 7000;
+    let mut rig = Rig::new();
+    rig.keep(0..all);
+    assert_eq!(rig.outbox.waiting(), CAPACITY);
+    let mut got = BTreeSet::new();
+    for _ in 0..120 {
+        got.extend(rig.sent(1));
+        assert!(rig.outbox.waiting() <= CAPACITY);
+        let below = (0..).find(|sequence| !got.contains(sequence)).unwrap();
+        rig.tell(have(1, &[(1, 1, below)], &[]));
+    }
+    assert_eq!(got.len() as u64, all);
+    assert_eq!((rig.outbox.lost(), rig.outbox.waiting(), rig.outbox.deadline()), (0, 0, None));
+}
+
+#[test]
+fn a_sample_that_went_by_unread_is_recalled() {
+    let mut rig = Rig::new();
+    rig.tell(have(1, &[], &[]));
+    rig.sent(3);
+    rig.on_disk(1, 1, 0);
+    rig.on_disk(1, 1, 1);
+    rig.keep(2..4);
+    let sent: BTreeSet<u64> = rig.sent(3).into_iter().collect();
+    assert_eq!(sent, (0..4).collect());
+}
+
+#[test]
+fn what_the_edge_had_no_room_for_counts_as_lost_unless_it_is_held_or_confirmed() {
+    let mut rig = Rig::new();
+    rig.keep(10..20);
+    rig.tell(have(1, &[(1, 1, 5)], &[]));
+    let first = Place { boot: Boot(1), run: RunId(1), sequence: 0 };
+    rig.tell(In::Dropped(Dropped { first, below: 15 }));
+    assert_eq!(rig.outbox.lost(), 5);
+}

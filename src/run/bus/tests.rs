@@ -1,0 +1,109 @@
+//! The bus over loopback.
+
+use std::sync::mpsc::{Receiver, channel};
+
+use tomoswarm_proto::{Progress, RunId, VehicleId};
+
+use super::*;
+
+const ONE: Sender = Sender::Vehicle(VehicleId(1));
+const TWO: Sender = Sender::Vehicle(VehicleId(2));
+
+fn settings(node: Sender, topology: Topology, listen: &[String], connect: &[String]) -> BusSettings {
+    BusSettings {
+        node,
+        prefix: "tomoswarm/test".to_owned(),
+        topology,
+        listen: listen.to_vec(),
+        connect: connect.to_vec(),
+        trust: None,
+        lease: Duration::from_secs(3),
+        egress_bytes_per_s: 64_000,
+    }
+}
+
+fn free_endpoint() -> String {
+    let socket = std::net::TcpListener::bind("127.0.0.1:0").unwrap();
+    format!("tcp/{}", socket.local_addr().unwrap())
+}
+
+fn open(settings: BusSettings) -> (Bus, Receiver<Heard>) {
+    let (said, heard) = channel();
+    let ear = Mutex::new(said);
+    let hear = move |what| lock(&ear).send(what).unwrap_or_default();
+    let bus = Bus::open(settings, Clock::start(), Troubles::default(), hear).unwrap();
+    bus.mouth().speak();
+    (bus, heard)
+}
+
+fn progress(of: u8, run: u32) -> Message {
+    Message::Progress(Progress { vehicle: VehicleId(of), run: RunId(run), ..Progress::default() })
+}
+
+/// Publishes again and again until it is heard; links take a moment.
+fn until_heard(mouth: &Mouth, message: &Message, heard: &Receiver<Heard>) -> Option<Heard> {
+    (0..100).find_map(|_| {
+        mouth.publish(message);
+        heard.recv_timeout(Duration::from_millis(100)).ok()
+    })
+}
+
+#[test]
+fn peers_hear_each_other_and_nobody_hears_itself() {
+    let (here, there) = (free_endpoint(), free_endpoint());
+    let (one, by_one) = open(settings(ONE, Topology::Mesh, std::slice::from_ref(&here), &[]));
+    let (two, by_two) = open(settings(TWO, Topology::Mesh, &[there], &[here]));
+    assert_eq!(
+        until_heard(&two.mouth(), &progress(2, 1), &by_one),
+        Some(Heard::Message(TWO, progress(2, 1)))
+    );
+    assert_eq!(
+        until_heard(&one.mouth(), &progress(1, 1), &by_two),
+        Some(Heard::Message(ONE, progress(1, 1)))
+    );
+    assert!(by_two.try_iter().all(|heard| matches!(heard, Heard::Message(ONE, _))));
+    assert_eq!(one.mouth().links(), 1);
+}
+
+#[test]
+fn clients_hear_each_other_through_the_ground_also_when_it_comes_later() {
+    let hub = free_endpoint();
+    let (one, _by_one) = open(settings(ONE, Topology::Star, &[], std::slice::from_ref(&hub)));
+    let (two, by_two) = open(settings(TWO, Topology::Star, &[], std::slice::from_ref(&hub)));
+    assert_eq!(two.mouth().links(), 0);
+    let (_ground, _) = open(settings(Sender::Ground, Topology::Star, &[hub], &[]));
+    assert_eq!(
+        until_heard(&one.mouth(), &progress(1, 7), &by_two),
+        Some(Heard::Message(ONE, progress(1, 7)))
+    );
+}
+
+#[test]
+fn what_is_not_the_senders_to_say_is_not_heard() {
+    let (here, there) = (free_endpoint(), free_endpoint());
+    let (one, by_one) = open(settings(ONE, Topology::Mesh, std::slice::from_ref(&here), &[]));
+    let (two, _) = open(settings(TWO, Topology::Mesh, &[there], &[here]));
+    until_heard(&two.mouth(), &progress(2, 1), &by_one).unwrap();
+    // Progress of vehicle 1 under the key of vehicle 2.
+    let refused = (0..100).any(|_| {
+        two.mouth().publish(&progress(1, 2));
+        std::thread::sleep(Duration::from_millis(20));
+        one.mouth().traffic().refused > 0
+    });
+    assert!(refused);
+    assert!(by_one.try_iter().all(|heard| heard == Heard::Message(TWO, progress(2, 1))));
+}
+
+#[test]
+fn a_port_in_use_is_refused_in_words() {
+    let here = free_endpoint();
+    let (_one, _) = open(settings(ONE, Topology::Mesh, std::slice::from_ref(&here), &[]));
+    let again = Bus::open(
+        settings(TWO, Topology::Mesh, std::slice::from_ref(&here), &[]),
+        Clock::start(),
+        Troubles::default(),
+        |_| {},
+    );
+    let error = again.err().unwrap().to_string();
+    assert!(error.contains(&here), "{error}");
+}

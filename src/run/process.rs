@@ -1,0 +1,113 @@
+//! What the process of a vehicle and that of the ground station have in common: it greets, feeds the watchdog, looks for
+//! actors that are stuck, and ends in order.
+//!
+//! ```text
+//!   start ─► asking ─► member ──────────────► asked to stop ─► in order: actors, disk, bus ─► exit 0
+//!               │ refused: exit 2   │ fault: the same order, exit 1
+//! ```
+
+use std::sync::mpsc::{Receiver, RecvTimeoutError, channel};
+use std::time::Duration;
+
+use sd_notify::NotifyState;
+use tomoswarm_proto::Message;
+
+use super::bus::{BusError, BusSettings};
+use super::clock::Clock;
+use super::desk::{Ending, Office, Troubles};
+use super::herald::Herald;
+use crate::time::Time;
+use tomoswarm_proto::{Hello, Sender};
+
+/// A vital actor that acts for so long without a pause is stuck, and the watchdog is fed no more.
+const STUCK_AFTER: Duration = Duration::from_secs(20);
+/// The watchdog is fed this often, and the process looks whether it is to end.
+const LOOKS_EVERY: Duration = Duration::from_millis(100);
+/// What is said in intervals: health, report, status.
+const TICK: Duration = Duration::from_secs(1);
+
+/// How a process ended.
+#[derive(Clone, PartialEq, Eq, Debug)]
+pub enum Finish {
+    /// It was asked to.
+    Asked,
+    /// It cannot go on.
+    Ending(Ending),
+}
+
+/// The common part of a process.
+pub struct Process {
+    office: Office,
+    endings: Receiver<Ending>,
+    ticked: Time,
+}
+
+impl Process {
+    /// Begins; the clock starts now.
+    pub fn begin() -> Process {
+        let (endings, ended) = channel();
+        let office = Office { clock: Clock::start(), troubles: Troubles::default(), endings };
+        Process { office, endings: ended, ticked: Time::ZERO }
+    }
+
+    /// Gives what all threads share.
+    pub fn office(&self) -> &Office {
+        &self.office
+    }
+
+    /// Goes on the bus.
+    ///
+    /// # Errors
+    /// The bus cannot be opened.
+    pub fn join(
+        &self,
+        settings: BusSettings,
+        own: Hello,
+        hear: impl Fn(Sender, Message) + Send + Sync + 'static,
+    ) -> Result<Herald, BusError> {
+        Herald::open(settings, own, &self.office, hear)
+    }
+
+    /// Keeps the process going until it is asked to stop or cannot go on. `busy_for` gives how long the busiest vital
+    /// actor has been acting; `tick` is called once a second.
+    pub fn keep(
+        &mut self,
+        herald: &mut Herald,
+        is_stopped: &dyn Fn() -> bool,
+        busy_for: &dyn Fn(Time) -> Duration,
+        tick: &mut dyn FnMut(Time, &Herald, &Troubles),
+    ) -> Finish {
+        let mut is_ready = false;
+        loop {
+            let now = self.office.clock.now();
+            let next = herald.greet(now);
+            if herald.is_member() && !is_ready {
+                is_ready = true;
+                notify(&[NotifyState::Ready]);
+            }
+            if busy_for(now) < STUCK_AFTER {
+                notify(&[NotifyState::Watchdog]);
+            }
+            if now.since(self.ticked) >= TICK {
+                self.ticked = now;
+                tick(now, herald, &self.office.troubles);
+            }
+            if is_stopped() {
+                notify(&[NotifyState::Stopping]);
+                return Finish::Asked;
+            }
+            let wait = next.since(self.office.clock.now()).min(LOOKS_EVERY);
+            match self.endings.recv_timeout(wait) {
+                Ok(ending) => return Finish::Ending(ending),
+                Err(RecvTimeoutError::Timeout | RecvTimeoutError::Disconnected) => {}
+            }
+        }
+    }
+}
+
+/// Tells the system's service manager, if there is one; without one nobody listens, and that is no fault.
+fn notify(states: &[NotifyState]) {
+    if let Err(error) = sd_notify::notify(states) {
+        tracing::debug!("the service manager cannot be told: {error}");
+    }
+}

@@ -1,0 +1,199 @@
+//! `tomoswarm vehicle`: brings a vehicle's actors together with the bus, the disk and the drivers that its file names, and
+//! keeps them until it is asked to stop.
+//!
+//! At the end: the mission decides nothing any more, the vehicle brakes, the disk is flushed, the bus is left.
+
+use std::path::Path;
+use std::sync::{Arc, Mutex};
+use std::time::Duration;
+
+use tomoswarm_proto::{Health, Message, Mode, Sender, State, VehicleId};
+
+use super::bus::{Access, BusError, Mouth};
+use super::desk::{Troubles, lock};
+use super::herald::Herald;
+use super::link::{LinkSettings, LinkState, WorldLink};
+use super::membership::{self, NoChance};
+use super::process::{Finish, Process};
+use super::state_dir::{StateDir, StateDirError};
+use super::vehicle::{Desks, seat_all};
+use crate::config::VehicleFile;
+use crate::node::vehicle::Fly;
+use crate::node::{Effect, Event, Settings};
+use crate::time::Time;
+
+/// Health is said every second tick.
+const HEALTH_EVERY: Duration = Duration::from_secs(2);
+/// At the end a vehicle that drives gets this long to brake.
+const BRAKES_WITHIN: Duration = Duration::from_secs(3);
+
+/// Why a vehicle's process cannot begin.
+#[derive(Debug, thiserror::Error)]
+pub enum VehicleError {
+    /// Its folder cannot be used.
+    #[error(transparent)]
+    StateDir(#[from] StateDirError),
+    /// The bus cannot be opened.
+    #[error(transparent)]
+    Bus(#[from] BusError),
+    /// The system gives no random numbers.
+    #[error(transparent)]
+    NoChance(#[from] NoChance),
+    /// The machine has no threads to give.
+    #[error("a thread cannot be started: {0}")]
+    Thread(#[from] std::io::Error),
+}
+
+/// How a vehicle fares, for its status line.
+#[derive(Clone, PartialEq, Debug)]
+pub struct Status {
+    /// Its newest state, once its autopilot was heard.
+    pub state: Option<State>,
+    /// Links to other nodes.
+    pub links: usize,
+    /// Whether it takes part in the bus.
+    pub is_member: bool,
+    /// What is wrong.
+    pub troubles: Vec<String>,
+}
+
+/// What the edge remembers of what it carried out.
+#[derive(Default)]
+struct Last {
+    state: Option<State>,
+    hears: Vec<VehicleId>,
+}
+
+struct Edge {
+    mouth: Mouth,
+    world: WorldLink,
+    last: Mutex<Last>,
+    desks: Desks,
+}
+
+impl Edge {
+    fn carry_out(&self, effect: Effect) {
+        match &effect {
+            Effect::Fly(_) | Effect::Steer(_) | Effect::Ping(_) => {
+                self.world.send(&effect);
+            }
+            Effect::Transmit(beacon) => {
+                lock(&self.last).hears.clone_from(&beacon.members);
+                self.world.send(&effect);
+            }
+            Effect::Publish(message) => {
+                if let Message::State(state) = message {
+                    lock(&self.last).state = Some(state.clone());
+                }
+                self.mouth.publish(message);
+            }
+            Effect::Note(note) => tracing::info!("{note:?}"),
+            Effect::Keep(..) | Effect::Forget { .. } | Effect::Recall { .. } => {}
+        }
+    }
+}
+
+/// Runs a vehicle until it is asked to stop or cannot go on. `status` is called once a second.
+///
+/// # Errors
+/// It cannot begin.
+pub fn run(
+    file: &VehicleFile,
+    access: Vec<Access>,
+    is_stopped: &dyn Fn() -> bool,
+    status: &mut dyn FnMut(&Status),
+) -> Result<Finish, VehicleError> {
+    let mut process = Process::begin();
+    let state_dir = StateDir::open(Path::new(&file.state_dir))?;
+    let settings = Settings::from_vehicle_file(file, state_dir.boot());
+    let node = Sender::Vehicle(file.id);
+    let hello = membership::greeting(node, state_dir.boot(), &file.venue, &["range", "radio"])?;
+    let desks = Desks::default();
+    let told = desks.clone();
+    let bus = membership::bus_settings(node, &file.venue, &file.bus, access);
+    let mut herald = process.join(bus, hello, move |_, message| told.tell(Event::Bus(message)))?;
+    let world = link(file, &state_dir, desks.clone())?;
+    let edge = Arc::new(Edge { mouth: herald.mouth(), world, last: Mutex::default(), desks: desks.clone() });
+    let of_actors = edge.clone();
+    let threads = seat_all(process.office(), &desks, &settings, move |effect| of_actors.carry_out(effect))?;
+    let mut said_at = Time::ZERO;
+    let mut tick = |now: Time, herald: &Herald, troubles: &Troubles| {
+        edge.watch_world(troubles);
+        if now.since(said_at) >= HEALTH_EVERY {
+            said_at = now;
+            edge.mouth.publish(&Message::Health(edge.health(&settings, &state_dir, troubles)));
+        }
+        let state = lock(&edge.last).state.clone();
+        status(&Status {
+            state,
+            links: edge.mouth.links(),
+            is_member: herald.is_member(),
+            troubles: troubles.list(),
+        });
+    };
+    let finish = process.keep(&mut herald, is_stopped, &|now| desks.busy_for(now), &mut tick);
+    edge.come_to_rest(&process);
+    desks.close();
+    for thread in threads {
+        // An actor that panicked has said so already.
+        let _ = thread.join();
+    }
+    herald.close();
+    Ok(finish)
+}
+
+fn link(file: &VehicleFile, state_dir: &StateDir, desks: Desks) -> std::io::Result<WorldLink> {
+    let settings = LinkSettings {
+        address: file.world.connect,
+        token: file.world.token.clone(),
+        vehicle: file.id,
+        boot: state_dir.boot(),
+    };
+    WorldLink::connect(settings, move |event| desks.tell(event))
+}
+
+impl Edge {
+    fn watch_world(&self, troubles: &Troubles) {
+        match self.world.state() {
+            LinkState::Joined(_) => troubles.clear("world"),
+            LinkState::Connecting(reason) => {
+                troubles.raise("world", reason.unwrap_or_else(|| "not connected".to_owned()));
+            }
+            LinkState::Refused(refused) => troubles.raise("world", refused.to_string()),
+        }
+    }
+
+    fn health(&self, settings: &Settings, state_dir: &StateDir, troubles: &Troubles) -> Health {
+        Health {
+            vehicle: settings.vehicle,
+            boot: settings.boot,
+            hears: lock(&self.last).hears.clone(),
+            samples_waiting: 0,
+            samples_lost: 0,
+            inputs_dropped: self.desks.dropped(),
+            disk_free_mb: state_dir.free_mb(),
+            troubles: short(troubles.list()),
+        }
+    }
+
+    /// Brakes, and waits until the vehicle stands.
+    fn come_to_rest(&self, process: &Process) {
+        self.desks.close_mission();
+        self.world.send(&Effect::Fly(Fly::Stop));
+        let clock = process.office().clock;
+        let until = clock.now() + BRAKES_WITHIN;
+        let is_moving = || {
+            let last = lock(&self.last);
+            last.state.as_ref().is_some_and(|state| matches!(state.mode, Mode::Driving | Mode::Turning))
+        };
+        while is_moving() && clock.now() < until {
+            std::thread::sleep(Duration::from_millis(50));
+        }
+    }
+}
+
+/// Cuts words to what a message carries.
+pub(super) fn short(words: Vec<String>) -> Vec<String> {
+    let cut = |word: String| word.chars().take(60).collect();
+    words.into_iter().take(16).map(cut).collect()
+}

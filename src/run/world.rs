@@ -1,0 +1,169 @@
+//! The world as a process of its own, on real time: bodies, range sensors, radios and the referee for vehicles that are
+//! other processes. It speaks with their simulated drivers over [`super::link`], never over the bus.
+//!
+//! One thread owns the world (`LiveWorld`, which reads no clock); each connection has a reader and a writer. Nothing a
+//! connection does stops the world: what it says waits in a bounded queue, and what it does not read is dropped, oldest
+//! telemetry first.
+//!
+//! ```text
+//!   socket ─► reader ─► queue of words ─► the world's thread ─► outgoing queue ─► writer ─► socket
+//! ```
+//!
+//! It does not keep anything: a world that is started again begins anew, with everybody at home.
+
+mod crowd;
+mod door;
+mod live_world;
+mod outgoing;
+mod stage_hand;
+
+use std::io;
+use std::net::{SocketAddr, TcpListener, TcpStream};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc::{SyncSender, sync_channel};
+use std::thread::JoinHandle;
+use std::time::Duration;
+
+use super::link::{Status, TOKEN_LIMIT};
+use crate::sim::{Scenario, ScenarioError};
+
+use crowd::Crowd;
+use door::Door;
+use live_world::LiveWorld;
+use stage_hand::{Inbound, StageHand};
+
+/// Words that wait for the world; whoever says more waits.
+const WORDS_WAITING: usize = 1024;
+/// Last words are written within this time, or not at all.
+const ENDS_WITHIN: Duration = Duration::from_secs(1);
+
+/// Why a world cannot begin.
+#[derive(Debug, thiserror::Error)]
+pub enum WorldError {
+    /// It listens on this machine only.
+    #[error("the world listens on a loopback address only, such as 127.0.0.1:0; got {address}")]
+    NotLoopback {
+        /// The address asked for.
+        address: SocketAddr,
+    },
+    /// The token is too long.
+    #[error("a token has at most {TOKEN_LIMIT} bytes, got {length}")]
+    Token {
+        /// Its length.
+        length: usize,
+    },
+    /// The scenario is impossible.
+    #[error(transparent)]
+    Scenario(#[from] ScenarioError),
+    /// The address cannot be used, or no thread can be started.
+    #[error("the world cannot listen on {address}: {source}")]
+    Listen {
+        /// The address asked for.
+        address: SocketAddr,
+        /// Why.
+        source: io::Error,
+    },
+}
+
+/// A world that runs until it is ended; dropping it ends it.
+pub struct WorldServer {
+    address: SocketAddr,
+    stopper: WorldStopper,
+    stage_hand: Option<JoinHandle<Status>>,
+    door: Option<JoinHandle<()>>,
+    crowd: Arc<Crowd>,
+    is_ended: Arc<AtomicBool>,
+}
+
+/// Ends a world from anywhere.
+#[derive(Clone)]
+pub struct WorldStopper {
+    words: SyncSender<Inbound>,
+}
+
+impl WorldStopper {
+    /// Asks the world to end; [`WorldServer::wait`] returns soon after.
+    pub fn stop(&self) {
+        // A world that has ended already needs no word.
+        let _ = self.words.send(Inbound::End);
+    }
+}
+
+impl WorldServer {
+    /// Begins the world of a scenario. Port 0 takes a free one.
+    ///
+    /// # Errors
+    /// [`WorldError`].
+    pub fn start(scenario: &Scenario, listen: SocketAddr, token: &str) -> Result<WorldServer, WorldError> {
+        if !listen.ip().is_loopback() {
+            return Err(WorldError::NotLoopback { address: listen });
+        }
+        if token.len() > TOKEN_LIMIT {
+            return Err(WorldError::Token { length: token.len() });
+        }
+        let world = LiveWorld::new(scenario)?;
+        WorldServer::open(world, listen, token)
+            .map_err(|source| WorldError::Listen { address: listen, source })
+    }
+
+    fn open(world: LiveWorld, listen: SocketAddr, token: &str) -> io::Result<WorldServer> {
+        let listener = TcpListener::bind(listen)?;
+        let address = listener.local_addr()?;
+        let (words, inbox) = sync_channel(WORDS_WAITING);
+        let (crowd, is_ended) = (Arc::<Crowd>::default(), Arc::new(AtomicBool::new(false)));
+        let (token, vehicles) = (token.as_bytes(), world.vehicles());
+        let door = Door::new(token, vehicles, crowd.clone(), words.clone(), is_ended.clone());
+        let stage_hand = std::thread::Builder::new()
+            .name("world".to_owned())
+            .spawn(move || StageHand::new(world).run(&inbox))?;
+        let mut server = WorldServer {
+            address,
+            stopper: WorldStopper { words },
+            stage_hand: Some(stage_hand),
+            door: None,
+            crowd,
+            is_ended,
+        };
+        let named = std::thread::Builder::new().name("world door".to_owned());
+        server.door = Some(named.spawn(move || door.serve(&listener))?);
+        Ok(server)
+    }
+
+    /// Gives where it listens.
+    pub fn address(&self) -> SocketAddr {
+        self.address
+    }
+
+    /// Gives what ends it.
+    pub fn stopper(&self) -> WorldStopper {
+        self.stopper.clone()
+    }
+
+    /// Waits until it is ended, by its stopper or by a word of control; gives how it went.
+    pub fn wait(mut self) -> Status {
+        self.join()
+    }
+
+    fn join(&mut self) -> Status {
+        let status = self.stage_hand.take().and_then(|thread| thread.join().ok()).unwrap_or_default();
+        self.is_ended.store(true, Ordering::Release);
+        if let Some(door) = self.door.take() {
+            // The door waits for somebody to come; this is nobody, and it sees that the world has ended.
+            let _ = TcpStream::connect(self.address);
+            // The door has nothing to tell.
+            let _ = door.join();
+        }
+        self.crowd.wait_for_end(ENDS_WITHIN);
+        status
+    }
+}
+
+impl Drop for WorldServer {
+    fn drop(&mut self) {
+        if self.stage_hand.is_some() {
+            self.stopper.stop();
+            self.join();
+        }
+    }
+}

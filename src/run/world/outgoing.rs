@@ -1,0 +1,109 @@
+//! What is still to be written to one connection: a short queue between the world, which never waits, and a writer,
+//! which may. When it is full the oldest telemetry makes room, or else the oldest frame of all.
+
+use std::collections::VecDeque;
+use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
+
+/// Frames that wait for a slow reader.
+const FRAMES_WAITING: usize = 64;
+
+/// What kind of frame waits.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub enum Worth {
+    /// A newer one says it all.
+    Telemetry,
+    /// Nothing else says it.
+    Word,
+}
+
+/// Frames on their way to one connection.
+#[derive(Debug, Default)]
+pub struct Outgoing {
+    waiting: Mutex<Waiting>,
+    changed: Condvar,
+}
+
+#[derive(Debug, Default)]
+struct Waiting {
+    frames: VecDeque<(Worth, Vec<u8>)>,
+    dropped: u64,
+    is_closed: bool,
+}
+
+impl Outgoing {
+    fn lock(&self) -> MutexGuard<'_, Waiting> {
+        self.waiting.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Puts a frame in; never waits.
+    pub fn push(&self, worth: Worth, frame: Vec<u8>) {
+        let mut waiting = self.lock();
+        if waiting.is_closed {
+            return;
+        }
+        if waiting.frames.len() >= FRAMES_WAITING {
+            let oldest = waiting.frames.iter().position(|(worth, _)| *worth == Worth::Telemetry).unwrap_or(0);
+            waiting.frames.remove(oldest);
+            waiting.dropped += 1;
+        }
+        waiting.frames.push_back((worth, frame));
+        self.changed.notify_one();
+    }
+
+    /// Takes no more; what waits is still written.
+    pub fn close(&self) {
+        self.lock().is_closed = true;
+        self.changed.notify_all();
+    }
+
+    /// Waits for the next frame; `None` when it is closed and all is written.
+    pub fn next(&self) -> Option<Vec<u8>> {
+        let mut waiting = self.lock();
+        loop {
+            if let Some((_, frame)) = waiting.frames.pop_front() {
+                return Some(frame);
+            }
+            if waiting.is_closed {
+                return None;
+            }
+            waiting = self.changed.wait(waiting).unwrap_or_else(PoisonError::into_inner);
+        }
+    }
+
+    /// Gives how many frames were dropped.
+    #[cfg(test)]
+    pub fn dropped(&self) -> u64 {
+        self.lock().dropped
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn drain(outgoing: &Outgoing) -> Vec<Vec<u8>> {
+        outgoing.close();
+        std::iter::from_fn(|| outgoing.next()).collect()
+    }
+
+    #[test]
+    fn a_full_queue_loses_its_oldest_telemetry_and_keeps_the_words() {
+        let outgoing = Outgoing::default();
+        for number in 0..100u8 {
+            let worth = if number % 10 == 0 { Worth::Word } else { Worth::Telemetry };
+            outgoing.push(worth, vec![number]);
+        }
+        let kept: Vec<u8> = drain(&outgoing).into_iter().flatten().collect();
+        assert_eq!((kept.len(), outgoing.dropped()), (FRAMES_WAITING, 100 - FRAMES_WAITING as u64));
+        assert!((0..10).all(|word| kept.contains(&(word * 10))), "{kept:?}");
+        assert!(kept.is_sorted() && kept.ends_with(&[98, 99]), "{kept:?}");
+    }
+
+    #[test]
+    fn a_queue_of_words_alone_does_not_grow_either() {
+        let outgoing = Outgoing::default();
+        (0..=255u8).for_each(|number| outgoing.push(Worth::Word, vec![number]));
+        let kept = drain(&outgoing);
+        assert_eq!((kept.len(), kept.last()), (FRAMES_WAITING, Some(&vec![255])));
+    }
+}

@@ -1,0 +1,55 @@
+//! A run that hands out what its actors do. It changes nothing in the run.
+
+use std::time::Duration;
+
+use super::{Kernel, NodeId, Time};
+use crate::actor::Fault;
+use crate::node::VehicleNode;
+use crate::sim::entry::Entry;
+
+/// Where a recording goes, and when its next segment begins.
+pub(in crate::sim) struct Recording<'a> {
+    record: &'a mut dyn FnMut(Entry),
+    every: Duration,
+    next_at: Time,
+}
+
+impl<'a> Recording<'a> {
+    /// Makes a recording that goes where `record` says; a new segment begins `every` so often.
+    pub fn to(record: &'a mut dyn FnMut(Entry), every: Duration) -> Recording<'a> {
+        Recording { record, every, next_at: Time::ZERO }
+    }
+}
+
+impl Kernel {
+    /// Begins to keep what the actors do.
+    pub(super) fn watch_actors(&mut self) {
+        self.vehicles.iter_mut().for_each(VehicleNode::watch);
+        self.ground.watch();
+    }
+
+    /// Hands out what the actors have done since the last time.
+    pub(super) fn hand_out(&mut self, recording: &mut Recording<'_>) -> Result<(), Fault> {
+        for vehicle in &mut self.vehicles {
+            let id = vehicle.id();
+            vehicle.acted().into_iter().for_each(|acted| (recording.record)(Entry::Vehicle(id, acted)));
+        }
+        self.ground.acted().into_iter().for_each(|acted| (recording.record)(Entry::Ground(acted)));
+        if self.now < recording.next_at {
+            return Ok(());
+        }
+        recording.next_at = self.now + recording.every;
+        let unwritable = |error: tomoswarm_proto::codec::EncodeError| Fault {
+            actor: "snapshot",
+            reason: error.to_string(),
+        };
+        let now = self.now;
+        for vehicle in &self.vehicles {
+            let (node, snapshots) = (NodeId::Vehicle(vehicle.id()), vehicle.snapshots().map_err(unwritable)?);
+            (recording.record)(Entry::Segment { node, now, snapshots });
+        }
+        let (node, snapshots) = (NodeId::Ground, self.ground.snapshots().map_err(unwritable)?);
+        (recording.record)(Entry::Segment { node, now, snapshots });
+        Ok(())
+    }
+}

@@ -1,0 +1,205 @@
+//! The recording of one node: its segments, one after another, within a size.
+//!
+//! Whoever records says when a segment begins and hands in snapshots and steps with the number of the segment that
+//! they belong to; the actors of a live node move on to a new segment one by one, so the one before stays open until
+//! the next but one. Nothing here waits, retries or starts a thread.
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+use std::time::Duration;
+
+use super::folder;
+use super::message::{self, MessageError};
+use super::schema::Schema;
+use super::segment::{Segment, WriteError};
+use super::view::{Shown, View};
+use super::{FORMAT, VERSION};
+use crate::actor::Snapshot;
+use crate::geom::Lattice;
+use crate::time::Time;
+use crate::{ground, node};
+
+/// What a recording is of.
+#[derive(Clone, Debug)]
+pub struct About {
+    /// The node as its channels name it: `vehicle/3`, `ground`.
+    pub node: String,
+    /// The text of its config.
+    pub settings: String,
+    /// The cells of its map.
+    pub lattice: Lattice,
+    /// UTC at the start of the node, nanoseconds since 1970, when it is known; log times stay the node's.
+    pub utc_at_zero_ns: Option<u64>,
+}
+
+/// How large a recording may be.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub struct Limits {
+    /// All segments together, bytes.
+    pub cap_bytes: u64,
+    /// One segment, bytes; a quarter of the cap at most.
+    pub segment_bytes: u64,
+    /// One segment, time.
+    pub segment: Duration,
+}
+
+impl Default for Limits {
+    /// 512 MiB in segments of 32 MiB or 5 minutes.
+    fn default() -> Limits {
+        Limits { cap_bytes: 512 << 20, segment_bytes: 32 << 20, segment: Duration::from_secs(300) }
+    }
+}
+
+/// What an actor did.
+#[derive(Clone, Debug)]
+pub enum Deed {
+    /// One of a vehicle's.
+    Vehicle(node::Acted),
+    /// One of the ground station's.
+    Ground(ground::Acted),
+}
+
+/// A recording that is being written.
+pub struct Flight {
+    folder: PathBuf,
+    about: About,
+    limits: Limits,
+    view: View,
+    /// The newest segment and the one before, by number.
+    open: BTreeMap<u64, Segment>,
+    last: u64,
+}
+
+impl Flight {
+    /// Makes a recording in a folder of its own; segments that are there already count against its size.
+    pub fn new(folder: &Path, about: About, limits: Limits) -> Flight {
+        let view = View::new(&about.node, about.lattice);
+        Flight { folder: folder.to_owned(), about, limits, view, open: BTreeMap::new(), last: 0 }
+    }
+
+    /// Begins a segment and gives its number; `gap` says what is missing before it.
+    ///
+    /// # Errors
+    /// The file cannot be made, or an older one not ended.
+    pub fn begin(&mut self, now: Time, gap: Option<&str>) -> Result<u64, WriteError> {
+        while self.open.len() > 1 {
+            self.end_oldest()?;
+        }
+        if let Some(gap) = gap
+            && let Some((_, segment)) = self.open.last_entry().map(|entry| (*entry.key(), entry.into_mut()))
+        {
+            let words = [("reason", gap.to_owned()), ("at_ns", now.as_nanos().to_string())];
+            segment.metadata("gap", words.map(|(name, value)| (name.to_owned(), value)).into())?;
+        }
+        let (number, path) = folder::next(&self.folder, self.last)?;
+        let segment = Segment::create(&path, now, &self.preface(number))?;
+        self.last = number;
+        self.open.insert(number, segment);
+        self.make_room()?;
+        Ok(number)
+    }
+
+    fn preface(&self, number: u64) -> [(&'static str, BTreeMap<String, String>); 2] {
+        let utc = self.about.utc_at_zero_ns.map_or("unknown".to_owned(), |nanos| nanos.to_string());
+        let words = [
+            ("format", FORMAT.to_owned()),
+            ("software", VERSION.to_owned()),
+            ("node", self.about.node.clone()),
+            ("segment", number.to_string()),
+            ("log_time", "nanoseconds since the node started".to_owned()),
+            ("utc_at_zero_ns", utc),
+        ];
+        let settings = [("toml".to_owned(), self.about.settings.clone())];
+        let words = words.map(|(name, value)| (name.to_owned(), value));
+        [("tomoswarm", words.into()), ("settings", settings.into())]
+    }
+
+    /// Writes an actor's snapshot; one for a segment that is closed already is left out.
+    ///
+    /// # Errors
+    /// The disk is full, or the file went away.
+    pub fn snapshot(&mut self, number: u64, now: Time, snapshot: &Snapshot) -> Result<(), WriteError> {
+        let Some(segment) = self.open.get_mut(&number) else { return Ok(()) };
+        let text = written(segment, message::of_snapshot(now, snapshot))?;
+        let topic = format!("/{}/{}/snapshot", self.about.node, snapshot.actor);
+        segment.message(&topic, Schema::Snapshot, now, &text)
+    }
+
+    /// Writes what an actor did, and what people want to see of it.
+    ///
+    /// # Errors
+    /// As for [`Flight::snapshot`].
+    pub fn step(&mut self, number: u64, deed: &Deed) -> Result<(), WriteError> {
+        let Some(segment) = self.open.get_mut(&number) else { return Ok(()) };
+        let (actor, now, text, shown) = match deed {
+            Deed::Vehicle(acted) => {
+                (acted.actor(), acted.now(), of_vehicle(acted), self.view.of_vehicle(acted))
+            }
+            Deed::Ground(acted) => (acted.actor(), acted.now(), of_ground(acted), self.view.of_ground(acted)),
+        };
+        let text = written(segment, text)?;
+        segment.message(&format!("/{}/{actor}/step", self.about.node), Schema::Step, now, &text)?;
+        for Shown { topic, schema, value } in shown {
+            segment.message(&topic, schema, now, &value.to_string())?;
+        }
+        Ok(())
+    }
+
+    /// Writes out all that was handed in and keeps the recording within its size. Tells whether the newest segment
+    /// is large or old enough for the next one.
+    ///
+    /// # Errors
+    /// As for [`Flight::snapshot`].
+    pub fn flush(&mut self, now: Time) -> Result<bool, WriteError> {
+        let most = self.limits.segment_bytes.min(self.limits.cap_bytes / 4);
+        let mut is_full = false;
+        for segment in self.open.values_mut() {
+            is_full = segment.flush()? >= most || now.since(segment.opened()) >= self.limits.segment;
+        }
+        self.make_room()?;
+        Ok(is_full)
+    }
+
+    /// Ends all segments in order.
+    ///
+    /// # Errors
+    /// As for [`Flight::snapshot`].
+    pub fn end(mut self) -> Result<(), WriteError> {
+        while !self.open.is_empty() {
+            self.end_oldest()?;
+        }
+        Ok(())
+    }
+
+    fn end_oldest(&mut self) -> Result<(), WriteError> {
+        self.open.pop_first().map_or(Ok(()), |(_, segment)| segment.finish())
+    }
+
+    fn make_room(&self) -> Result<(), WriteError> {
+        let kept: Vec<&Path> = self.open.values().map(Segment::path).collect();
+        folder::make_room(&self.folder, self.limits.cap_bytes, &kept)
+    }
+}
+
+fn written(segment: &Segment, text: Result<String, MessageError>) -> Result<String, WriteError> {
+    text.map_err(|error| WriteError::at(segment.path(), error))
+}
+
+fn of_vehicle(acted: &node::Acted) -> Result<String, MessageError> {
+    match acted {
+        node::Acted::Vehicle(step) => message::of_step(step),
+        node::Acted::Sensor(step) => message::of_step(step),
+        node::Acted::Map(step) => message::of_step(step),
+        node::Acted::Mission(step) => message::of_step(step),
+        node::Acted::Radio(step) => message::of_step(step),
+        node::Acted::Outbox(step) => message::of_step(step),
+    }
+}
+
+fn of_ground(acted: &ground::Acted) -> Result<String, MessageError> {
+    match acted {
+        ground::Acted::Station(step) => message::of_step(step),
+        ground::Acted::Planner(step) => message::of_step(step),
+        ground::Acted::Imager(step) => message::of_step(step),
+    }
+}

@@ -1,0 +1,186 @@
+//! Steps and snapshots as the JSON messages of a recording, and back. Nothing here knows a file.
+//!
+//! A step is `{"now_ns": 1, "told": …, "said": […]}`, or with `"woken": "reason"` in place of `told`, and with `fault`
+//! when the actor could not go on. JSON has no numbers that are infinite or none at all: an input with such numbers
+//! shows `null` in their place and comes whole in `told_packed` (base64 of [`codec::pack`]).
+
+use serde::de::{DeserializeOwned, IgnoredAny};
+use serde::{Deserialize, Serialize};
+use tomoswarm_proto::codec;
+
+use super::base64;
+use crate::actor::{Cause, Snapshot, Step};
+use crate::time::Time;
+
+/// Why a message is none.
+#[derive(Debug, thiserror::Error)]
+pub enum MessageError {
+    /// It is no JSON, or not of this kind.
+    #[error("is no message of a recording: {0}")]
+    Json(#[from] serde_json::Error),
+    /// Packed bytes cannot be read.
+    #[error("packed bytes cannot be read by this version: {0}")]
+    Packed(String),
+}
+
+/// Gives a step as JSON.
+///
+/// # Errors
+/// A value that JSON cannot hold, which is a mistake of this program.
+pub fn of_step<I, O>(step: &Step<I, O>) -> Result<String, MessageError>
+where
+    I: Serialize + DeserializeOwned,
+    O: Serialize,
+{
+    let mut text = format!("{{\"now_ns\":{}", step.now.as_nanos());
+    match &step.cause {
+        Cause::Told(input) => {
+            let told = serde_json::to_string(input)?;
+            text += &format!(",\"told\":{told}");
+            if told.contains("null") && !is_exact(input, &told) {
+                let packed = codec::pack(input).map_err(|error| MessageError::Packed(error.to_string()))?;
+                text += &format!(",\"told_packed\":\"{}\"", base64::encode(&packed));
+            }
+        }
+        Cause::Woken(why) => text += &format!(",\"woken\":{}", serde_json::to_string(why)?),
+    }
+    text += &format!(",\"said\":{}", serde_json::to_string(&step.said)?);
+    if let Some(fault) = &step.fault {
+        text += &format!(",\"fault\":{}", serde_json::to_string(fault)?);
+    }
+    text.push('}');
+    Ok(text)
+}
+
+/// Tells whether an input read back is the input, to the last bit.
+fn is_exact<I: Serialize + DeserializeOwned>(input: &I, text: &str) -> bool {
+    let read: Result<I, _> = serde_json::from_str(text);
+    read.is_ok_and(|read| codec::pack(&read).ok() == codec::pack(input).ok())
+}
+
+/// What made an actor act, as recorded: when, and the input unless it was woken.
+#[derive(Debug)]
+pub struct Recorded<I> {
+    /// When.
+    pub now: Time,
+    /// The input; `None` when it was woken.
+    pub told: Option<I>,
+}
+
+#[derive(Deserialize)]
+struct Frame {
+    now_ns: u64,
+    told: Option<IgnoredAny>,
+    told_packed: Option<String>,
+    woken: Option<IgnoredAny>,
+}
+
+#[derive(Deserialize)]
+struct Told<I> {
+    told: I,
+}
+
+/// Reads what made an actor act.
+///
+/// # Errors
+/// It is no step, or not of this actor.
+pub fn read_step<I: DeserializeOwned>(json: &[u8]) -> Result<Recorded<I>, MessageError> {
+    let frame: Frame = serde_json::from_slice(json)?;
+    let now = Time::from_nanos(frame.now_ns);
+    if let Some(packed) = frame.told_packed {
+        return Ok(Recorded { now, told: Some(unpacked(&packed)?) });
+    }
+    if frame.told.is_none() && frame.woken.is_some() {
+        return Ok(Recorded { now, told: None });
+    }
+    let Told { told } = serde_json::from_slice(json)?;
+    Ok(Recorded { now, told: Some(told) })
+}
+
+/// Reads packed bytes in base64.
+///
+/// # Errors
+/// They are none, or of another version.
+pub fn unpacked<T: DeserializeOwned>(text: &str) -> Result<T, MessageError> {
+    let bytes = base64::decode(text).ok_or_else(|| MessageError::Packed("no base64".to_owned()))?;
+    codec::unpack(&bytes).map_err(|error| MessageError::Packed(error.to_string()))
+}
+
+/// A snapshot as JSON.
+#[derive(Serialize, Deserialize)]
+pub struct Kept {
+    /// When it was taken.
+    pub now_ns: u64,
+    /// What [`codec::pack`] made of the actor, in base64.
+    pub packed: String,
+}
+
+/// Gives a snapshot as JSON.
+///
+/// # Errors
+/// None that is not a mistake of this program.
+pub fn of_snapshot(now: Time, snapshot: &Snapshot) -> Result<String, MessageError> {
+    let kept = Kept { now_ns: now.as_nanos(), packed: base64::encode(&snapshot.bytes) };
+    Ok(serde_json::to_string(&kept)?)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geom::{Angle, Point, Pose};
+    use crate::node::vehicle::{In, Motion, Out, Telemetry};
+    use proptest::prelude::*;
+
+    fn telemetry(x_m: f64, speed_mps: f64) -> In {
+        let pose = Pose { at: Point::new(x_m, -0.0), heading: Angle::default(), sd_m: 0.1 };
+        In::Telemetry(Telemetry { pose, speed_mps, battery: 1.0, motion: Motion::Driving })
+    }
+
+    fn step(cause: Cause<In>) -> Step<In, Out> {
+        Step { now: Time::from_nanos(u64::MAX), cause, said: Vec::new(), fault: None }
+    }
+
+    proptest! {
+        #[test]
+        fn every_number_comes_back_to_the_last_bit(bits in any::<u64>(), more in any::<u64>()) {
+            let input = telemetry(f64::from_bits(bits), f64::from_bits(more));
+            let text = of_step(&step(Cause::Told(input.clone()))).unwrap();
+            let read = read_step::<In>(text.as_bytes()).unwrap();
+            prop_assert_eq!(read.now, Time::from_nanos(u64::MAX));
+            prop_assert_eq!(codec::pack(&read.told.unwrap()).unwrap(), codec::pack(&input).unwrap());
+        }
+
+        #[test]
+        fn any_text_is_read_or_refused(text in ".{0,60}") {
+            let _ = read_step::<In>(text.as_bytes());
+        }
+    }
+
+    #[test]
+    fn numbers_that_json_lacks_are_packed_and_others_are_not() {
+        let text = |input| of_step(&step(Cause::Told(input))).unwrap();
+        assert!(!text(telemetry(1.0, 0.5)).contains("packed"));
+        for odd in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {
+            let text = text(telemetry(odd, 0.5));
+            assert!(text.contains("\"x_m\":null") && text.contains("told_packed"), "{text}");
+            assert!(read_step::<In>(text.as_bytes()).is_ok());
+        }
+    }
+
+    #[test]
+    fn a_wake_tells_its_reason_and_reads_as_one() {
+        let text = of_step(&step(Cause::Woken("telemetry silent"))).unwrap();
+        assert_eq!(text, "{\"now_ns\":18446744073709551615,\"woken\":\"telemetry silent\",\"said\":[]}");
+        assert!(read_step::<In>(text.as_bytes()).unwrap().told.is_none());
+    }
+
+    #[test]
+    fn foreign_messages_are_refused() {
+        for text in
+            ["{}", "[]", "{\"now_ns\":1}", "{\"now_ns\":-1,\"woken\":\"a\"}", "{\"now_ns\":1,\"told\":7}"]
+        {
+            assert!(read_step::<In>(text.as_bytes()).is_err(), "{text}");
+        }
+        assert!(read_step::<In>(b"{\"now_ns\":1,\"told\":7,\"told_packed\":\"!\"}").is_err());
+    }
+}

@@ -1,0 +1,34 @@
+//! The flight recording: per actor every step, in segments that open with snapshots, as MCAP files; and the replay.
+//!
+//! ```text
+//!   flight-000001.mcap   metadata tomoswarm {format, software, node, segment, log_time, utc_at_zero_ns}
+//!                        metadata settings {toml}          metadata gap {reason, at_ns}, when steps are missing
+//!     /vehicle/3/mission/snapshot   tomoswarm.Snapshot  {now_ns, packed}
+//!     /vehicle/3/mission/step       tomoswarm.Step      {now_ns, told | woken, said, fault?}
+//!     /vehicle/3/pose, map, log     foxglove.PoseInFrame, foxglove.Grid, foxglove.Log: for people
+//!     /ground/image, structure      foxglove.Grid
+//! ```
+//!
+//! Log and publish times are the node's: nanoseconds since it started. Snapshots are read by the same version only.
+
+mod base64;
+mod flight;
+mod folder;
+pub mod message;
+mod reader;
+mod recorder;
+mod replay;
+mod schema;
+mod segment;
+mod view;
+
+pub use flight::{About, Deed, Flight, Limits};
+pub use reader::{Found, ReadError, Reader};
+pub use recorder::{Recorder, Scribe};
+pub use replay::{Difference, ReplayError, Replayed, Verdict, replay};
+pub use segment::WriteError;
+
+/// The version of what is written here.
+const FORMAT: &str = "1";
+/// The version of the software; snapshots are only read by the same.
+const VERSION: &str = env!("CARGO_PKG_VERSION");

@@ -1,0 +1,265 @@
+//! What people look at in a recording: poses, the map, pictures and remarks, as Foxglove's own messages. It is all
+//! taken from the steps; a replay ignores it.
+
+use std::collections::BTreeMap;
+use std::time::Duration;
+
+use serde_json::{Value, json};
+use tomoswarm_proto::{Message, PoseReport, State, TileReport, VehicleId};
+
+use super::base64;
+use super::schema::Schema;
+use crate::actor::{Cause, Step};
+use crate::geom::{Cell, Lattice, Point};
+use crate::ground::imager::{Picture, Subject};
+use crate::ground::{self, station};
+use crate::map::Merged;
+use crate::node::{self, map, mission, vehicle};
+use crate::time::Time;
+
+/// The frame of all poses: the venue's axes, metres.
+const FRAME: &str = "venue";
+/// The map is shown this often at most.
+const MAP_EVERY: Duration = Duration::from_secs(10);
+/// Altitude slice of the map that is shown.
+const SLICE: i16 = 0;
+/// Cells of a map that is shown, at most.
+const CELLS: usize = 1 << 20;
+/// Foxglove's numbers for types and levels.
+const INT8: u8 = 2;
+const FLOAT32: u8 = 7;
+const INFO: u8 = 2;
+const ERROR: u8 = 4;
+
+/// A message for people.
+pub(super) struct Shown {
+    pub topic: String,
+    pub schema: Schema,
+    pub value: Value,
+}
+
+/// What has been seen so far.
+pub(super) struct View {
+    node: String,
+    map: Merged,
+    is_map_new: bool,
+    map_shown_at: Option<Time>,
+    pose_shown_at: BTreeMap<VehicleId, u64>,
+}
+
+impl View {
+    /// Makes the view of a node.
+    pub fn new(node: &str, lattice: Lattice) -> View {
+        View {
+            node: node.to_owned(),
+            map: Merged::new(lattice, None),
+            is_map_new: false,
+            map_shown_at: None,
+            pose_shown_at: BTreeMap::new(),
+        }
+    }
+
+    /// Gives what is to be seen of a step of a vehicle.
+    pub fn of_vehicle(&mut self, acted: &node::Acted) -> Vec<Shown> {
+        match acted {
+            node::Acted::Vehicle(step) => step
+                .said
+                .iter()
+                .filter_map(|out| self.vehicle(step.now, out))
+                .chain(self.fault(step))
+                .collect(),
+            node::Acted::Mission(step) => step
+                .said
+                .iter()
+                .filter_map(|out| self.mission(step.now, out))
+                .chain(self.fault(step))
+                .collect(),
+            node::Acted::Map(step) => {
+                for out in &step.said {
+                    match out {
+                        map::Out::Tiles(tiles) => tiles.iter().for_each(|tile| self.learn(tile)),
+                        map::Out::Publish(_) => {}
+                    }
+                }
+                self.map(step.now).into_iter().chain(self.fault(step)).collect()
+            }
+            node::Acted::Sensor(step) => self.fault(step).into_iter().collect(),
+            node::Acted::Radio(step) => self.fault(step).into_iter().collect(),
+            node::Acted::Outbox(step) => self.fault(step).into_iter().collect(),
+        }
+    }
+
+    /// Gives what is to be seen of a step of the ground station.
+    pub fn of_ground(&mut self, acted: &ground::Acted) -> Vec<Shown> {
+        match acted {
+            ground::Acted::Station(step) => self.station(step),
+            ground::Acted::Imager(step) => {
+                let pictures = step.said.iter().filter_map(|picture| self.picture(step.now, picture));
+                pictures.chain(self.fault(step)).collect()
+            }
+            ground::Acted::Planner(step) => self.fault(step).into_iter().collect(),
+        }
+    }
+
+    fn vehicle(&self, now: Time, out: &vehicle::Out) -> Option<Shown> {
+        match out {
+            vehicle::Out::Publish(state) => Some(pose(now, state)),
+            vehicle::Out::Remark(remark) => Some(self.log(now, INFO, "vehicle", &format!("{remark:?}"))),
+            vehicle::Out::Fly(_) | vehicle::Out::State(_) | vehicle::Out::Order(_) => None,
+        }
+    }
+
+    fn mission(&self, now: Time, out: &mission::Out) -> Option<Shown> {
+        match out {
+            mission::Out::Remark(remark) => Some(self.log(now, INFO, "mission", &format!("{remark:?}"))),
+            mission::Out::Command(_)
+            | mission::Out::Accepted(..)
+            | mission::Out::Progress(_)
+            | mission::Out::Measure(_) => None,
+        }
+    }
+
+    fn station(&mut self, step: &Step<station::In, station::Out>) -> Vec<Shown> {
+        let mut shown = Vec::new();
+        if let Cause::Told(station::In::Bus(message)) = &step.cause {
+            match message {
+                Message::State(state) => shown.extend(self.newer(state).then(|| pose(step.now, state))),
+                Message::Tile(report) => self.learn(report),
+                Message::Digest(_)
+                | Message::Want(_)
+                | Message::Plan(_)
+                | Message::Progress(_)
+                | Message::Order(_)
+                | Message::Samples(_)
+                | Message::Have(_)
+                | Message::Beacon(_)
+                | Message::Hello(_)
+                | Message::Health(_)
+                | Message::Report(_) => {}
+            }
+        }
+        for out in &step.said {
+            if let station::Out::Note(note) = out {
+                shown.push(self.log(step.now, INFO, "station", &format!("{note:?}")));
+            }
+        }
+        shown.extend(self.map(step.now));
+        shown.extend(self.fault(step));
+        shown
+    }
+
+    /// Tells whether a state is newer than the one shown before.
+    fn newer(&mut self, state: &State) -> bool {
+        let edition = u64::from(state.boot.0) << 32 | (state.sequence & u64::from(u32::MAX));
+        let shown = self.pose_shown_at.insert(state.vehicle, edition);
+        shown.is_none_or(|shown| edition > shown)
+    }
+
+    fn learn(&mut self, tile: &TileReport) {
+        // Whoever has joined it before has checked it; one that does not fit is not shown.
+        self.is_map_new |= self.map.join(tile).is_ok();
+    }
+
+    fn map(&mut self, now: Time) -> Option<Shown> {
+        if !self.is_map_new || self.map_shown_at.is_some_and(|at| now.since(at) < MAP_EVERY) {
+            return None;
+        }
+        let extent = self.map.extent(SLICE)?;
+        let (columns, rows) = (extent.width_cells() as usize, extent.height_cells() as usize);
+        if columns.saturating_mul(rows) > CELLS {
+            return None;
+        }
+        (self.is_map_new, self.map_shown_at) = (false, Some(now));
+        let cells = (extent.low.y..=extent.high.y)
+            .flat_map(|y| (extent.low.x..=extent.high.x).map(move |x| Cell::new(x, y)));
+        let byte = |cell: Cell| self.map.value(SLICE, cell).clamp(-127, 127) as i8;
+        let bytes: Vec<u8> = cells.map(|cell| byte(cell).cast_unsigned()).collect();
+        let cell_m = self.map.lattice().cell_m();
+        let corner = Point::new(f64::from(extent.low.x) * cell_m, f64::from(extent.low.y) * cell_m);
+        let grid =
+            Grid { corner, cell_m: (cell_m, cell_m), columns, field: ("log_odds_tenths", INT8, 1), bytes };
+        Some(self.shown("map", Schema::Grid, grid.json(now)))
+    }
+
+    fn picture(&self, now: Time, picture: &Picture) -> Option<Shown> {
+        let topic = match picture.subject {
+            Subject::Change => "image",
+            Subject::Structure => "structure",
+        };
+        let made = match &picture.result {
+            Ok(made) => made,
+            Err(reason) => return Some(self.log(now, ERROR, "imager", reason)),
+        };
+        let grid = made.image.grid;
+        let values = made.image.values.iter();
+        let bytes = values.flat_map(|value| (*value as f32).to_le_bytes()).collect();
+        let cell_m = (grid.dx_m(), grid.dy_m());
+        let (corner, columns) = (grid.area.min, grid.columns);
+        let grid = Grid { corner, cell_m, columns, field: ("db_per_m", FLOAT32, 4), bytes };
+        Some(self.shown(topic, Schema::Grid, grid.json(now)))
+    }
+
+    fn fault<I, O>(&self, step: &Step<I, O>) -> Option<Shown> {
+        step.fault.as_ref().map(|fault| self.log(step.now, ERROR, "fault", fault))
+    }
+
+    fn log(&self, now: Time, level: u8, name: &str, message: &str) -> Shown {
+        let value = json!({
+            "timestamp": timestamp(now), "level": level, "message": message, "name": name, "file": "", "line": 0,
+        });
+        self.shown("log", Schema::Log, value)
+    }
+
+    fn shown(&self, topic: &str, schema: Schema, value: Value) -> Shown {
+        Shown { topic: format!("/{}/{topic}", self.node), schema, value }
+    }
+}
+
+/// A grid of one value per cell, rows from south to north.
+struct Grid {
+    corner: Point,
+    cell_m: (f64, f64),
+    columns: usize,
+    field: (&'static str, u8, usize),
+    bytes: Vec<u8>,
+}
+
+impl Grid {
+    fn json(&self, now: Time) -> Value {
+        let (name, kind, size) = self.field;
+        let corner = json!({"x": self.corner.x_m, "y": self.corner.y_m, "z": 0.0});
+        json!({
+            "timestamp": timestamp(now),
+            "frame_id": FRAME,
+            "pose": {"position": corner, "orientation": turned(0.0)},
+            "column_count": self.columns,
+            "cell_size": {"x": self.cell_m.0, "y": self.cell_m.1},
+            "row_stride": self.columns * size,
+            "cell_stride": size,
+            "fields": [{"name": name, "offset": 0, "type": kind}],
+            "data": base64::encode(&self.bytes),
+        })
+    }
+}
+
+fn pose(now: Time, state: &State) -> Shown {
+    let PoseReport { at, heading_rad, .. } = state.pose;
+    let position = json!({"x": at.x_m, "y": at.y_m, "z": at.z_m});
+    let value = json!({
+        "timestamp": timestamp(now),
+        "frame_id": FRAME,
+        "pose": {"position": position, "orientation": turned(heading_rad)},
+    });
+    Shown { topic: format!("/vehicle/{}/pose", state.vehicle), schema: Schema::Pose, value }
+}
+
+/// A turn about the upward axis, as a quaternion.
+fn turned(angle_rad: f64) -> Value {
+    let (z, w) = libm::sincos(angle_rad / 2.0);
+    json!({"x": 0.0, "y": 0.0, "z": z, "w": w})
+}
+
+fn timestamp(now: Time) -> Value {
+    let nanos = now.as_nanos();
+    json!({"sec": nanos / 1_000_000_000, "nsec": nanos % 1_000_000_000})
+}

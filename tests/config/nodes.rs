@@ -1,0 +1,344 @@
+//! Files of nodes: what a vehicle, a ground station and an operator are told, and every way to get it wrong.
+
+use std::time::Duration;
+
+use tomoswarm::config::{self, Config, GroundFile, Safety, VehicleFile, bundled};
+use tomoswarm::ground::from_config::ground_parts;
+use tomoswarm::node::Settings;
+use tomoswarm_proto::{Boot, RunId, VehicleId};
+
+const VEHICLE: &str = "\
+kind = \"vehicle\"
+venue = \"courtyard.venue.toml\"
+id = 3
+state_dir = \"state/3\"
+autopilot.driver = \"sim\"
+range.driver = \"sim\"
+servo.driver = \"sim\"
+radio.driver = \"sim\"
+world.connect = \"127.0.0.1:7500\"
+world.token = \"0123456789abcdef\"
+";
+
+const GROUND: &str = "\
+kind = \"ground\"
+venue = \"courtyard.venue.toml\"
+vehicles = [3, 1, 2]
+state_dir = \"/var/lib/tomoswarm\"
+";
+
+fn loaded(path: &str) -> Result<String, String> {
+    bundled::load(path)
+}
+
+fn vehicle(text: &str) -> VehicleFile {
+    config::read_vehicle("configs/v.toml", text, &mut loaded).unwrap_or_else(|error| panic!("{error}"))
+}
+
+fn ground(text: &str) -> GroundFile {
+    config::read_ground("configs/g.toml", text, &mut loaded).unwrap_or_else(|error| panic!("{error}"))
+}
+
+fn problems_of(text: &str) -> String {
+    match config::read("configs/x.toml", text, &mut loaded) {
+        Ok(config) => format!("accepted: {config:?}"),
+        Err(problems) => problems.to_string(),
+    }
+}
+
+/// Checks that a file of a vehicle with these further lines has exactly one problem, which says all the parts.
+fn check_vehicle(lines: &str, parts: &[&str]) {
+    check_one(&format!("{VEHICLE}{lines}"), parts);
+}
+
+fn check_ground(lines: &str, parts: &[&str]) {
+    check_one(&format!("{GROUND}{lines}"), parts);
+}
+
+fn check_one(text: &str, parts: &[&str]) {
+    let said = problems_of(text);
+    assert_eq!(said.lines().count(), 1, "{text}\n{said}");
+    assert!(!said.starts_with("accepted"), "{text}\n{said}");
+    for part in parts {
+        assert!(said.contains(part), "{part} is missing in: {said}\n{text}");
+    }
+}
+
+fn check_replaced(base: &str, old: &str, new: &str, parts: &[&str]) {
+    assert!(base.contains(old), "{old}");
+    check_one(&base.replace(old, new), parts);
+}
+
+#[test]
+fn a_vehicles_file_gives_every_value_a_default() {
+    let file = vehicle(VEHICLE);
+    assert_eq!((file.id, file.state_dir.as_str()), (VehicleId(3), "configs/state/3"));
+    assert_eq!((file.home.x_m, file.home.y_m), (20.85, -0.85));
+    assert_eq!(file.world.connect.to_string(), "127.0.0.1:7500");
+    assert_eq!(file.record.limit_bytes(), Some(256_000_000));
+    assert_eq!(file.pose_sd_m, 0.05);
+    let safety = Safety {
+        padding_m: 0.1,
+        separation_m: 1.0,
+        pose_sd_max_m: 0.5,
+        autonomy: Duration::from_secs(60),
+        battery_return: 0.2,
+    };
+    assert_eq!(file.safety, safety);
+    assert_eq!(vehicle(&format!("{VEHICLE}record.limit_mb = 0\n")).record.limit_bytes(), None);
+}
+
+#[test]
+fn a_vehicle_is_told_the_same_by_its_own_file_as_by_a_simulation() {
+    let text = bundled::load(bundled::COURTYARD).unwrap();
+    let sim = config::read_sim(bundled::COURTYARD, &text, Some(3), &mut loaded).unwrap();
+    let home = sim.home(VehicleId(3)).unwrap();
+    let simulated = Settings::from_config(&sim, VehicleId(3), Boot(7), home);
+    let live = Settings::from_vehicle_file(&vehicle(VEHICLE), Boot(7));
+    assert_eq!(Settings { path_time: simulated.path_time, ..live.clone() }, simulated);
+    assert!(live.path_time > Duration::ZERO && live.path_time < simulated.path_time);
+}
+
+#[test]
+fn every_value_of_a_vehicles_file_reaches_the_vehicle() {
+    let lines = "vehicle.radius_m = 0.3
+vehicle.max_speed_mps = 0.4
+vehicle.braking_mps2 = 2
+range.beams_deg = [0, 10]
+range.half_angle_deg = 10
+range.min_range_m = 0.1
+range.max_range_m = 5
+range.sure_range_m = 4
+range.scan_period_s = 0.2
+range.settle_s = 0.1
+radio.channel = 20
+radio.power_dbm = -5
+radio.slot_ms = 80
+safety.padding_m = 0.2
+safety.separation_m = 1.5
+safety.pose_sd_max_m = 0.4
+";
+    let told = Settings::from_vehicle_file(&vehicle(&format!("{VEHICLE}{lines}")), Boot(1));
+    assert_eq!((told.body.radius_m, told.body.speed_mps, told.body.braking_mps2), (0.3, 0.4, 2.0));
+    assert_eq!(told.look.beams.len(), 2);
+    assert!((told.look.half_angle.degrees() - 10.0).abs() < 1e-9);
+    assert_eq!((told.look.min_range_m, told.look.max_range_m, told.look.sure_range_m), (0.1, 5.0, 4.0));
+    assert_eq!(
+        (told.look.period, told.look.settle),
+        (Duration::from_millis(200), Duration::from_millis(100))
+    );
+    assert_eq!((told.radio.channel, told.radio.power_dbm), (20, -5));
+    assert_eq!(told.radio.slot, Duration::from_millis(80));
+    let safety = told.safety;
+    assert_eq!((safety.padding_m, safety.separation_m, safety.pose_sd_max_m), (0.2, 1.5, 0.4));
+}
+
+#[test]
+fn a_grounds_file_gives_every_value_a_default() {
+    let file = ground(GROUND);
+    assert_eq!(file.vehicles, [VehicleId(1), VehicleId(2), VehicleId(3)]);
+    assert_eq!((file.compare_with, file.take_over, file.operators_note.as_str()), (None, false, ""));
+    assert_eq!((file.lost_after, file.separation_m), (Duration::from_secs(30), 1.0));
+    assert_eq!(file.sensitivity_dbm, -100.0);
+    let further = "compare_with = 4
+take_over = true
+lost_after_s = 12.5
+operators_note = \"wet walls\"
+safety.separation_m = 1.2
+radio.sensitivity_dbm = -92
+";
+    let file = ground(&format!("{GROUND}{further}"));
+    assert_eq!((file.compare_with, file.take_over), (Some(RunId(4)), true));
+    assert_eq!((file.lost_after, file.separation_m), (Duration::from_millis(12_500), 1.2));
+    assert_eq!((file.sensitivity_dbm, file.operators_note.as_str()), (-92.0, "wet walls"));
+}
+
+#[test]
+fn a_ground_station_is_made_of_its_file() {
+    let parts = ground_parts(&ground(GROUND), Boot(4), 9, 77).unwrap();
+    assert_eq!((parts.station.lease, parts.station.holder, parts.station.store), (None, 9, 77));
+    assert_eq!(parts.station.vehicles, [VehicleId(1), VehicleId(2), VehicleId(3)]);
+    assert_eq!(parts.station.bin_m, 0.5);
+}
+
+#[test]
+fn what_a_vehicle_cannot_do_without_is_asked_for() {
+    let said = problems_of("kind = \"vehicle\"\n");
+    for part in ["venue: is missing", "id: is missing", "state_dir: is missing"] {
+        assert!(said.contains(part), "{part} is missing in:\n{said}");
+    }
+    for driver in ["autopilot", "range", "servo", "radio"] {
+        assert!(
+            said.contains(&format!("{driver}.driver: is missing; driver = \"sim\"")),
+            "{driver}:\n{said}"
+        );
+    }
+    check_replaced(VEHICLE, "id = 3\n", "", &["id: is missing", "1 to 250"]);
+    check_replaced(VEHICLE, "state_dir = \"state/3\"\n", "", &["state_dir: is missing", "folder"]);
+    check_replaced(VEHICLE, "world.token = \"0123456789abcdef\"\n", "", &["world.token: is missing"]);
+    check_replaced(VEHICLE, "world.connect = \"127.0.0.1:7500\"\n", "", &["world.connect: is missing"]);
+    let no_world = VEHICLE.split("world.").next().unwrap();
+    check_one(no_world, &["world: is missing", "drivers of the kind \"sim\""]);
+}
+
+#[test]
+fn every_wrong_value_of_a_vehicle_is_refused() {
+    for id in ["0", "251", "-1", "1.5", "\"one\""] {
+        check_replaced(VEHICLE, "id = 3", &format!("id = {id}"), &["configs/x.toml:3: id = ", "1 to 250"]);
+    }
+    check_replaced(VEHICLE, "id = 3", "id = 9", &["id = 9: has no home: the venue has 8"]);
+    check_replaced(VEHICLE, "\"state/3\"", "3", &["state_dir = 3: is no text"]);
+    check_replaced(VEHICLE, "courtyard.venue", "gone.venue", &["venue = ", "cannot be read"]);
+    check_vehicle("vehicle.count = 2", &["vehicle.count: is not known"]);
+    check_vehicle("vehicle.pose_sd_m = 0.1", &["vehicle.pose_sd_m: is not known"]);
+    for key in [
+        "radius_m",
+        "height_m",
+        "antenna_height_m",
+        "max_speed_mps",
+        "acceleration_mps2",
+        "braking_mps2",
+        "turn_rate_deg_per_s",
+    ] {
+        check_vehicle(&format!("vehicle.{key} = -1"), &[&format!("vehicle.{key} = -1: is out of range")]);
+    }
+    for key in ["padding_m", "separation_m", "pose_sd_max_m", "autonomy_s", "battery_return"] {
+        check_vehicle(&format!("safety.{key} = -1"), &[&format!("safety.{key} = -1: is out of range")]);
+    }
+    for key in ["half_angle_deg", "min_range_m", "max_range_m", "sure_range_m", "scan_period_s", "settle_s"] {
+        check_vehicle(&format!("range.{key} = -1"), &[&format!("range.{key} = -1: is out of range")]);
+    }
+    check_vehicle("range.beams_deg = []", &["range.beams_deg = []: is no such list"]);
+    check_vehicle("range.noise_sd_m = 0", &["range.noise_sd_m: is not known"]);
+    for (line, part) in [
+        ("radio.channel = 10", "radio.channel = 10: is out of range"),
+        ("radio.power_dbm = 0.5", "radio.power_dbm = 0.5: is no whole number"),
+        ("radio.slot_ms = 0", "radio.slot_ms = 0: is out of range"),
+        ("radio.p0_dbm = -40", "radio.p0_dbm: is not known"),
+        ("pose.source = \"gps\"", "pose.source = \"gps\": is not known; source = \"autopilot\""),
+        ("pose.source = \"external\"", "is not built yet; source = \"autopilot\" is allowed today"),
+        ("pose.expected_sd_m = -1", "pose.expected_sd_m = -1: is out of range"),
+        ("pose.expected_sd_m = 0.6", "is above safety.pose_sd_max_m"),
+        ("record.limit_mb = -1", "record.limit_mb = -1: is no such number"),
+        ("record.limit_gb = 1", "record.limit_gb: is not known"),
+        ("world.port = 1", "world.port: is not known"),
+        ("vehicles.count = 2", "vehicles: is not known; did you mean vehicle?"),
+    ] {
+        check_vehicle(line, &[part]);
+    }
+}
+
+#[test]
+fn a_speed_beyond_what_is_seen_is_refused() {
+    check_vehicle("vehicle.max_speed_mps = 5", &["vehicle.max_speed_mps = 5: the vehicle cannot look"]);
+    check_vehicle("pose.expected_sd_m = 0.45\nrange.sure_range_m = 1.2", &["range.sure_range_m = 1.2: "]);
+    check_vehicle(
+        "vehicle.radius_m = 0.6",
+        &["safety.separation_m = 1 (the default): lets two vehicles touch"],
+    );
+    check_vehicle(
+        "vehicle.radius_m = 2\nsafety.separation_m = 5\nsafety.padding_m = 0.2",
+        &["home 3 is nearer than 2.20 m to the fence"],
+    );
+}
+
+#[test]
+fn drivers_of_hardware_are_refused_by_name_until_they_are_built() {
+    for (section, driver) in [
+        ("autopilot", "mavlink"),
+        ("servo", "gpio"),
+        ("servo", "mavlink"),
+        ("range", "hcsr04"),
+        ("radio", "xbee"),
+    ] {
+        let (old, new) = (format!("{section}.driver = \"sim\""), format!("{section}.driver = \"{driver}\""));
+        let said =
+            format!("{section}.driver = \"{driver}\": is not built yet; driver = \"sim\" is allowed today");
+        check_replaced(VEHICLE, &old, &new, &[&said]);
+        check_replaced(VEHICLE, &old, &format!("{section}.driver = \"usb\""), &["\"usb\": is not known"]);
+    }
+    // Each device has its own.
+    check_replaced(VEHICLE, "radio.driver = \"sim\"", "radio.driver = \"gpio\"", &["is not known"]);
+}
+
+#[test]
+fn the_simulated_world_is_on_this_machine_and_asks_for_a_word() {
+    for (address, wrong) in [
+        ("10.0.0.1:7500", "leaves this machine"),
+        ("0.0.0.0:7500", "leaves this machine"),
+        ("localhost:7500", "is no address with a port"),
+        ("127.0.0.1", "is no address with a port"),
+        ("127.0.0.1:0", "has port 0"),
+    ] {
+        check_replaced(VEHICLE, "127.0.0.1:7500", address, &["world.connect", wrong, "127.0.0.1:7500"]);
+    }
+    for token in ["short", "with space", &"x".repeat(129), "a/b/c/d/e/f"] {
+        check_replaced(VEHICLE, "0123456789abcdef", token, &["world.token", "8 to 128"]);
+    }
+}
+
+#[test]
+fn every_wrong_value_of_a_ground_station_is_refused() {
+    for list in ["[]", "[0]", "[251]", "[1, 1]", "[1, \"2\"]", "3", "[1.5]", "[[1]]"] {
+        let said = format!("vehicles = {list}: is no such list");
+        check_replaced(GROUND, "[3, 1, 2]", list, &[&said, "1 to 250"]);
+    }
+    check_replaced(GROUND, "[3, 1, 2]", "[1, 9]", &["has vehicle 9, but the venue has 8 homes"]);
+    check_replaced(GROUND, "vehicles = [3, 1, 2]\n", "", &["vehicles: is missing"]);
+    check_replaced(GROUND, "state_dir = \"/var/lib/tomoswarm\"\n", "", &["state_dir: is missing"]);
+    for (line, part) in [
+        ("sweep.positions = 4", "sweep.positions = 4: is out of range"),
+        ("sweep.positions = 500", "puts 4 steps into 0.64 m"),
+        ("imaging.pixels = [1, 1]", "imaging.pixels = [1, 1]: is no such pair"),
+        ("safety.separation_m = 0", "safety.separation_m = 0: is out of range"),
+        ("safety.padding_m = 0.1", "safety.padding_m: is not known"),
+        ("radio.sensitivity_dbm = 0", "radio.sensitivity_dbm = 0: is out of range"),
+        ("radio.channel = 15", "radio.channel: is not known"),
+        ("compare_with = 0", "compare_with = 0: is out of range"),
+        ("compare_with = 4294967295", "is out of range"),
+        ("lost_after_s = 0", "lost_after_s = 0: is out of range"),
+        ("lost_after_s = 3", "is not longer than bus.lease_s"),
+        ("take_over = 1", "take_over = 1: is no yes or no"),
+        ("operators_note = 7", "operators_note = 7: is no text"),
+        ("record.limit_mb = 2000000", "record.limit_mb = 2000000: is out of range"),
+        ("seed = 1", "seed: is not known"),
+    ] {
+        check_ground(line, &[part]);
+    }
+    check_replaced(
+        GROUND,
+        "[3, 1, 2]",
+        "[1, 2, 3, 4, 5, 6, 7, 8]\nsweep.positions = 31",
+        &["is too few for 8 vehicles"],
+    );
+}
+
+#[test]
+fn a_file_of_another_kind_is_refused() {
+    for (read, kind) in [
+        (config::read_vehicle("x.toml", GROUND, &mut loaded).err(), "vehicle"),
+        (config::read_ground("x.toml", VEHICLE, &mut loaded).err(), "ground"),
+        (config::read_operator("x.toml", GROUND, &mut loaded).err(), "operator"),
+    ] {
+        let said = read.unwrap().to_string();
+        assert!(said.contains(&format!("is of another kind; kind = \"{kind}\"")), "{said}");
+    }
+}
+
+#[test]
+fn the_examples_are_read_as_what_they_say() {
+    let root = env!("CARGO_MANIFEST_DIR");
+    for kind in ["vehicle", "ground", "operator"] {
+        let path = format!("{root}/configs/courtyard.{kind}.toml");
+        let text = std::fs::read_to_string(&path).unwrap();
+        let mut loader = |path: &str| std::fs::read_to_string(path).map_err(|error| error.to_string());
+        let config = config::read(&path, &text, &mut loader).unwrap();
+        let found = match config {
+            Config::Vehicle(_) => "vehicle",
+            Config::Ground(_) => "ground",
+            Config::Operator(_) => "operator",
+            Config::Venue(_) | Config::Scene(_) | Config::Sim(_) => "another",
+        };
+        assert_eq!(found, kind);
+    }
+}

@@ -1,0 +1,150 @@
+//! What is recorded of a run is enough to take every step again: every actor restored from a snapshot of any moment
+//! says what the original said, and is what the original was when the next snapshot was taken.
+
+use std::collections::BTreeMap;
+use std::time::Duration;
+
+use serde::Serialize;
+use serde::de::DeserializeOwned;
+use tomoswarm::actor::{Actor, Cause, Snapshot, Step, again};
+use tomoswarm::ground::{self, imager::Imager, planner::Planner, station::Station};
+use tomoswarm::node::map::Map;
+use tomoswarm::node::mission::Mission;
+use tomoswarm::node::outbox::Outbox;
+use tomoswarm::node::radio::Radio;
+use tomoswarm::node::sensor::Sensor;
+use tomoswarm::node::vehicle::Vehicle;
+use tomoswarm::node::{self};
+use tomoswarm::sim::Entry;
+use tomoswarm::sim::bus::NodeId;
+use tomoswarm_proto::codec::{pack, unpack};
+
+use crate::place::Place;
+
+/// An actor that lives again.
+struct Again<A> {
+    actor: Option<A>,
+    steps: usize,
+    restored: usize,
+}
+
+impl<A> Default for Again<A> {
+    fn default() -> Again<A> {
+        Again { actor: None, steps: 0, restored: 0 }
+    }
+}
+
+impl<A: Actor + Serialize + DeserializeOwned> Again<A>
+where
+    A::In: Clone,
+    A::Out: Serialize,
+{
+    fn restore(&mut self, snapshot: &Snapshot) {
+        if let Some(actor) = &self.actor {
+            assert!(pack(actor).unwrap() == snapshot.bytes, "{} is another by now", snapshot.actor);
+        }
+        self.actor = Some(unpack(&snapshot.bytes).unwrap());
+        self.restored += 1;
+    }
+
+    fn take(&mut self, step: Step<A::In, A::Out>) {
+        let told = match step.cause {
+            Cause::Told(input) => Some(input),
+            Cause::Woken(_) => None,
+        };
+        let now = again(self.actor.as_mut().unwrap(), step.now, told);
+        assert_eq!(pack(&now.said).unwrap(), pack(&step.said).unwrap(), "at {}", step.now);
+        assert_eq!(now.fault, step.fault);
+        self.steps += 1;
+    }
+}
+
+#[derive(Default)]
+struct Rover {
+    vehicle: Again<Vehicle>,
+    sensor: Again<Sensor>,
+    map: Again<Map>,
+    mission: Again<Mission>,
+    radio: Again<Radio>,
+    outbox: Again<Outbox>,
+}
+
+impl Rover {
+    fn restore(&mut self, snapshot: &Snapshot) {
+        match snapshot.actor {
+            "vehicle" => self.vehicle.restore(snapshot),
+            "sensor" => self.sensor.restore(snapshot),
+            "map" => self.map.restore(snapshot),
+            "mission" => self.mission.restore(snapshot),
+            "radio" => self.radio.restore(snapshot),
+            "outbox" => self.outbox.restore(snapshot),
+            other => panic!("{other} is no actor of a vehicle"),
+        }
+    }
+
+    fn take(&mut self, acted: node::Acted) {
+        match acted {
+            node::Acted::Vehicle(step) => self.vehicle.take(step),
+            node::Acted::Sensor(step) => self.sensor.take(step),
+            node::Acted::Map(step) => self.map.take(step),
+            node::Acted::Mission(step) => self.mission.take(step),
+            node::Acted::Radio(step) => self.radio.take(step),
+            node::Acted::Outbox(step) => self.outbox.take(step),
+        }
+    }
+}
+
+#[derive(Default)]
+struct Ground {
+    station: Again<Station>,
+    planner: Again<Planner>,
+    imager: Again<Imager>,
+}
+
+impl Ground {
+    fn restore(&mut self, snapshot: &Snapshot) {
+        match snapshot.actor {
+            "station" => self.station.restore(snapshot),
+            "planner" => self.planner.restore(snapshot),
+            "imager" => self.imager.restore(snapshot),
+            other => panic!("{other} is no actor of the ground station"),
+        }
+    }
+
+    fn take(&mut self, acted: ground::Acted) {
+        match acted {
+            ground::Acted::Station(step) => self.station.take(step),
+            ground::Acted::Planner(step) => self.planner.take(step),
+            ground::Acted::Imager(step) => self.imager.take(step),
+        }
+    }
+}
+
+#[test]
+fn an_actor_restored_at_any_moment_goes_on_as_the_original() {
+    for (seed, segment_s) in [(1, 2.3), (2, 7.1), (3, 41.0)] {
+        let place = Place::new(8.0, 8.0).block((4.0, 3.0, 2.0, 0.4)).block((-1.0, 4.0, 0.4, 0.6)).seed(seed);
+        let place = place.root("end = \"return\"\nempty_sweep = true\nuntil_s = 2000.0");
+        let (mut rovers, mut ground) = (BTreeMap::<_, Rover>::new(), Ground::default());
+        let mut record = |entry: Entry| match entry {
+            Entry::Segment { node: NodeId::Vehicle(id), snapshots, .. } => {
+                snapshots.iter().for_each(|snapshot| rovers.entry(id).or_default().restore(snapshot));
+            }
+            Entry::Segment { snapshots, .. } => {
+                snapshots.iter().for_each(|snapshot| ground.restore(snapshot))
+            }
+            Entry::Vehicle(id, acted) => rovers.entry(id).or_default().take(acted),
+            Entry::Ground(acted) => ground.take(acted),
+        };
+        let recorded =
+            place.scenario().run_recorded(&mut |_| true, Duration::from_secs_f64(segment_s), &mut record);
+        assert_eq!(recorded.unwrap().log, place.run().log, "a run is the same when it is recorded");
+        assert_eq!(rovers.len(), 2);
+        for rover in rovers.values() {
+            assert!(rover.mission.steps > 500 && rover.map.steps > 200 && rover.outbox.steps > 50);
+            assert!(rover.vehicle.steps > 500 && rover.sensor.steps > 500 && rover.radio.steps > 500);
+            assert!(rover.mission.restored > 2);
+        }
+        assert!(ground.station.steps > 500 && ground.planner.steps >= 2 && ground.imager.steps >= 2);
+    }
+}
