@@ -385,16 +385,13 @@ impl Station {
         if self.leases.holds() {
             return;
         }
-        let mut number = 0;
-        out.retain(|said| {
-            number += 1;
-            match said {
-                _ if number <= first => true,
-                Out::Publish(message) => matches!(message, Message::Report(_)),
-                Out::Ask(_) | Out::Reconstruct(_) => false,
-                Out::Note(_) | Out::Remember(_) => true,
-            }
-        });
+        let is_said = |said: &Out| match said {
+            Out::Publish(message) => matches!(message, Message::Report(_)),
+            Out::Ask(_) | Out::Reconstruct(_) => false,
+            Out::Note(_) | Out::Remember(_) => true,
+        };
+        let own = out.split_off(first.min(out.len()));
+        out.extend(own.into_iter().filter(is_said));
     }
 }
 

@@ -99,7 +99,7 @@ impl Leases {
         if lease.number == 0 || lease.holder == self.own.holder {
             return None;
         }
-        if lease >= self.own || !self.holds() {
+        if lease >= self.own {
             self.other = Some((now, lease));
         }
         self.heard(now, lease)

@@ -27,6 +27,8 @@ struct Rover {
     ordered: Ordered,
     follower: Follower,
     kept: Vec<(Boot, RunId, Sample)>,
+    /// What the ground has: everything below.
+    marks: BTreeMap<(Boot, RunId), u64>,
     /// Whether it is switched off.
     is_dead: bool,
     /// Whether it neither hears nor is heard on the bus.
@@ -44,6 +46,7 @@ impl Rover {
             ordered: Ordered::default(),
             follower: Follower::new(id, at, 0.5),
             kept: Vec::new(),
+            marks: BTreeMap::new(),
             is_dead: false,
             is_cut: false,
         }
@@ -59,7 +62,8 @@ impl Rover {
         Progress { boot: self.boot, ..self.follower.progress() }
     }
 
-    fn drive(&mut self, now: Time) {
+    /// Drives to the next stop; one at which somebody else stands is given up, as a vehicle does that finds no way.
+    fn drive(&mut self, now: Time, others: &[Point]) {
         self.follower.hold(self.at);
         if self.ordered.kind != Some(OrderKind::Start) {
             return;
@@ -67,7 +71,10 @@ impl Rover {
         self.follower.resume();
         let Some(stop) = self.follower.next_leg().cloned() else { return };
         self.follower.enter(stop.id).unwrap();
-        self.at = stop.at.into();
+        let place = Point::from(stop.at);
+        if others.iter().all(|other| other.distance_to(place) > 1.2) {
+            self.at = place;
+        }
         self.follower.arrive(now, stop.id, self.at).unwrap();
         let run = self.follower.progress().run;
         let sequence = self.kept.iter().filter(|kept| (kept.0, kept.1) == (self.boot, run)).count() as u64;
@@ -107,8 +114,9 @@ impl Rover {
             let (vehicle, boot, run, samples) = (self.id, *boot, *run, vec![*sample]);
             Message::Samples(Samples { vehicle, boot, run, samples })
         };
-        let newest = self.kept.len().saturating_sub(3);
-        let batches = self.kept[newest..].iter().map(batch);
+        let mark = |boot: Boot, run: RunId| self.marks.get(&(boot, run)).copied().unwrap_or(0);
+        let open = self.kept.iter().filter(|(boot, run, sample)| sample.sequence >= mark(*boot, *run));
+        let batches = open.take(20).map(batch);
         batches.chain([Message::State(state), Message::Progress(progress)]).collect()
     }
 
@@ -118,6 +126,10 @@ impl Rover {
                 self.follower.offer(plan);
             }
             Message::Order(order) => self.obey(order),
+            Message::Have(have) => {
+                let own = have.watermarks.iter().filter(|mark| mark.vehicle == self.id);
+                self.marks.extend(own.map(|mark| ((mark.boot, mark.run), mark.below)));
+            }
             _ => {}
         }
     }
@@ -140,6 +152,7 @@ struct Swarm {
     now_s: u64,
     up_s: u64,
     memory: Option<Memory>,
+    remembered: usize,
     disk: BTreeMap<(VehicleId, Boot, RunId, u64), Sample>,
     answers: Vec<In>,
     notes: Vec<Note>,
@@ -180,6 +193,7 @@ impl Swarm {
             now_s: 0,
             up_s: 0,
             memory: None,
+            remembered: 0,
             disk: BTreeMap::new(),
             answers: Vec::new(),
             notes: Vec::new(),
@@ -220,6 +234,7 @@ impl Swarm {
                 }
                 Out::Note(note) => self.notes.push(note),
                 Out::Remember(memory) => {
+                    self.remembered += 1;
                     let bytes = tomoswarm_proto::codec::pack(&*memory).unwrap();
                     self.memory = Some(tomoswarm_proto::codec::unpack(&bytes).unwrap());
                 }
@@ -257,9 +272,14 @@ impl Swarm {
         let now = Time::ZERO + Duration::from_secs(self.now_s);
         let heard: Vec<Progress> =
             self.rovers.iter().filter(|rover| !rover.is_dead).map(Rover::progress).collect();
-        for rover in self.rovers.iter_mut().filter(|rover| !rover.is_dead) {
-            heard.iter().for_each(|progress| rover.follower.hear(now, progress));
-            rover.drive(now);
+        for index in 0..self.rovers.len() {
+            let others = self.rovers.iter().enumerate().filter(|(other, _)| *other != index);
+            let places: Vec<Point> = others.map(|(_, rover)| rover.at).collect();
+            let rover = &mut self.rovers[index];
+            if !rover.is_dead {
+                heard.iter().for_each(|progress| rover.follower.hear(now, progress));
+                rover.drive(now, &places);
+            }
         }
         for answer in std::mem::take(&mut self.answers) {
             self.tell(answer, usize::MAX);
@@ -346,6 +366,7 @@ fn a_sweep_is_driven_and_closed_and_every_sample_is_stored_once() {
     assert_eq!((report.pictures, report.samples), (1, swarm.measured() as u64));
     assert_eq!(swarm.haves.last().unwrap().closed, [RUN]);
     assert_eq!(report.troubles, [""; 0]);
+    assert!(swarm.remembered < 30, "remembered {} times in {} s", swarm.remembered, swarm.now_s);
 }
 
 #[test]
@@ -570,4 +591,67 @@ fn a_resumed_station_leads_above_every_echo() {
     assert_eq!(swarm.report().lease, Lease::default(), "it listens first");
     swarm.seconds(3);
     assert_eq!(swarm.report().lease, Lease { number: 2, holder: 1 });
+}
+
+/// A pure draw below `limit`.
+fn draw(seed: u64, second: u64, purpose: u64, limit: u64) -> u64 {
+    let mut state =
+        seed ^ second.wrapping_mul(0x9e37_79b9_7f4a_7c15) ^ purpose.wrapping_mul(0xbf58_476d_1ce4_e5b9);
+    for _ in 0..3 {
+        state = (state ^ (state >> 30)).wrapping_mul(0x94d0_49bb_1331_11eb);
+    }
+    (state >> 20) % limit
+}
+
+impl Swarm {
+    /// Something may go wrong in this second.
+    fn suffer(&mut self, seed: u64) {
+        let rover = draw(seed, self.now_s, 1, self.rovers.len() as u64) as usize;
+        match draw(seed, self.now_s, 2, 60) {
+            0 => self.rovers[rover].restart(),
+            1 => self.rovers[rover].is_dead = true,
+            2 => self.rovers[rover].is_cut = true,
+            3 | 4 => {
+                if std::mem::take(&mut self.rovers[rover].is_dead) {
+                    self.rovers[rover].restart();
+                }
+            }
+            5 | 6 => self.rovers[rover].is_cut = false,
+            7 => order(self, RUN, OrderKind::Hold),
+            8..11 => order(self, RUN, OrderKind::Start),
+            11 if self.memory.is_some() => {
+                self.second(draw(seed, self.now_s, 3, 4) as usize);
+                self.resume();
+            }
+            _ => {}
+        }
+    }
+}
+
+#[test]
+fn whatever_goes_wrong_afterwards_the_sweep_ends_and_no_sample_is_lost_or_doubled() {
+    for seed in 0..60 {
+        let mut swarm = Swarm::sweeping(3 + seed as u8 % 2);
+        for _ in 0..500 {
+            swarm.suffer(seed);
+            swarm.second(usize::MAX);
+        }
+        for rover in &mut swarm.rovers {
+            rover.is_cut = false;
+            if std::mem::take(&mut rover.is_dead) {
+                rover.restart();
+            }
+        }
+        swarm.seconds(20);
+        order(&mut swarm, RUN, OrderKind::Start);
+        let is_closed = |swarm: &Swarm| swarm.haves.last().is_some_and(|have| have.closed == [RUN]);
+        let ended = (0..1500).any(|_| {
+            swarm.second(usize::MAX);
+            is_closed(&swarm)
+        });
+        assert!(ended, "seed {seed}: {:?}, {:?}", swarm.report(), swarm.notes);
+        swarm.seconds(60);
+        assert_eq!(swarm.station.samples().count(RUN), swarm.measured() as u64, "seed {seed}");
+        assert!(swarm.report().laps_done >= 2, "seed {seed}");
+    }
 }
