@@ -59,6 +59,9 @@ pub enum CliError {
     /// The mission did not reach its end.
     #[error("the mission failed: {0}")]
     Mission(String),
+    /// A recording replayed says something else.
+    #[error("the replay differs: {0}")]
+    Differs(String),
     /// The program itself is at fault.
     #[error("a fault inside the program: {0}")]
     Fault(String),
@@ -68,7 +71,7 @@ impl CliError {
     /// Gives the exit code of the program: 1 or 2, as above.
     pub fn exit_code(&self) -> u8 {
         match self {
-            CliError::Mission(_) | CliError::Fault(_) => 1,
+            CliError::Mission(_) | CliError::Differs(_) | CliError::Fault(_) => 1,
             CliError::Usage(_)
             | CliError::Config(_)
             | CliError::Read { .. }

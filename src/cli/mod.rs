@@ -7,6 +7,8 @@ mod answer;
 pub mod check;
 mod describe;
 pub mod error;
+#[cfg(feature = "net")]
+mod flight;
 mod folder;
 pub mod image;
 mod load;
@@ -15,6 +17,8 @@ mod pictures;
 pub mod plan;
 mod read;
 pub mod recording;
+#[cfg(feature = "net")]
+pub mod replay;
 mod report;
 pub mod sim;
 mod stop;
@@ -51,6 +55,8 @@ enum Command {
     Image(image::ImageCommand),
     Plan(plan::PlanArgs),
     Check(check::CheckArgs),
+    #[cfg(feature = "net")]
+    Replay(replay::ReplayArgs),
 }
 
 /// Runs the program as the command line says, and gives its exit code.
@@ -69,6 +75,8 @@ pub fn run() -> ExitCode {
         Command::Image(image) => image.run(&mut answer),
         Command::Plan(plan) => plan.run(&mut answer),
         Command::Check(check) => check.run(&mut answer),
+        #[cfg(feature = "net")]
+        Command::Replay(replay) => replay.run(&mut answer),
     };
     match result {
         Ok(()) => ExitCode::SUCCESS,

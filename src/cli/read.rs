@@ -73,6 +73,7 @@ fn named(path: &Path) -> Result<String, String> {
         | CliError::Image(_)
         | CliError::Write { .. }
         | CliError::Mission(_)
+        | CliError::Differs(_)
         | CliError::Fault(_) => error.to_string(),
     })
 }
