@@ -11,6 +11,8 @@ mod cli {
     mod good_runs;
     #[cfg(unix)]
     mod names;
+    #[cfg(feature = "net")]
+    mod replays;
     #[cfg(unix)]
     mod signals;
     #[cfg(unix)]

@@ -66,6 +66,9 @@ pub enum CliError {
     /// The swarm is not as it was asked for.
     #[error("{0}")]
     Swarm(String),
+    /// A recording replayed says something else.
+    #[error("the replay differs: {0}")]
+    Differs(String),
     /// The program itself is at fault.
     #[error("a fault inside the program: {0}")]
     Fault(String),
@@ -80,7 +83,7 @@ impl CliError {
     /// Gives the exit code of the program: 1 or 2, as above.
     pub fn exit_code(&self) -> u8 {
         match self {
-            CliError::Mission(_) | CliError::Swarm(_) | CliError::Fault(_) => 1,
+            CliError::Mission(_) | CliError::Swarm(_) | CliError::Differs(_) | CliError::Fault(_) => 1,
             #[cfg(feature = "net")]
             CliError::Store(_) => 2,
             CliError::Usage(_)

@@ -18,6 +18,9 @@ const STAGE: &str = ".tomoswarm.partial-";
 /// The file in a stage that is locked while its run lives.
 const LOCK: &str = ".lock";
 
+/// The folder for recordings.
+const FLIGHT: &str = "flight";
+
 /// Files that are to appear in a folder.
 #[derive(Debug)]
 pub struct OutputFolder {
@@ -74,6 +77,18 @@ impl OutputFolder {
         Ok(())
     }
 
+    /// Gives a folder for recordings in the stage; what lies in it in the end appears with the rest.
+    ///
+    /// # Errors
+    /// It cannot be made.
+    #[cfg(feature = "net")]
+    pub fn recordings(&self) -> Result<PathBuf, CliError> {
+        let folder = self.stage.join(FLIGHT);
+        fs::create_dir_all(&folder)
+            .map_err(|source| CliError::Write { path: self.target.join(FLIGHT), source })?;
+        Ok(folder)
+    }
+
     /// Lets all files appear, in place of those of an earlier run.
     ///
     /// # Errors
@@ -94,8 +109,35 @@ impl OutputFolder {
         for path in older.map(|name| self.target.join(name)).filter(|path| path.exists()) {
             fs::remove_file(&path).map_err(|source| fail(&path, source))?;
         }
+        self.publish_recordings().map_err(|source| fail(&self.target.join(FLIGHT), source))?;
         Ok(self.target.clone())
     }
+
+    /// Lets recordings appear in place of those of an earlier run.
+    fn publish_recordings(&self) -> io::Result<()> {
+        let (from, to) = (self.stage.join(FLIGHT), self.target.join(FLIGHT));
+        for old in recordings_in(&to) {
+            fs::remove_file(&old)?;
+            remove_empty(&[old.parent().unwrap_or(&to).to_owned(), to.clone()]);
+        }
+        for new in recordings_in(&from) {
+            let path = to.join(new.strip_prefix(&from).unwrap_or(&new));
+            path.parent().map_or(Ok(()), fs::create_dir_all)?;
+            fs::rename(&new, &path)?;
+        }
+        Ok(())
+    }
+}
+
+/// Lists the recordings in a folder, which has a folder for each node; files of other names are none.
+fn recordings_in(folder: &Path) -> Vec<PathBuf> {
+    let inside =
+        |folder: &Path| fs::read_dir(folder).into_iter().flatten().flatten().map(|entry| entry.path());
+    let is_recording = |path: &PathBuf| {
+        let name = path.file_name().map(OsStr::to_string_lossy).unwrap_or_default();
+        name.starts_with("flight-") && name.ends_with(".mcap") && path.is_file()
+    };
+    inside(folder).flat_map(|node| inside(&node).filter(is_recording).collect::<Vec<_>>()).collect()
 }
 
 impl Drop for OutputFolder {

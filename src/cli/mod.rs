@@ -14,6 +14,8 @@ mod enroll_files;
 pub mod error;
 #[cfg(feature = "net")]
 pub mod export;
+#[cfg(feature = "net")]
+mod flight;
 mod folder;
 pub mod image;
 mod load;
@@ -30,6 +32,8 @@ pub mod plan;
 pub mod preflight;
 mod read;
 pub mod recording;
+#[cfg(feature = "net")]
+pub mod replay;
 mod report;
 pub mod sim;
 #[cfg(feature = "net")]
@@ -90,6 +94,8 @@ enum Command {
     Tap(tap::TapArgs),
     #[cfg(feature = "net")]
     Preflight(preflight::PreflightArgs),
+    #[cfg(feature = "net")]
+    Replay(replay::ReplayArgs),
 }
 
 /// Runs the program as the command line says, and gives its exit code.
@@ -124,6 +130,8 @@ pub fn run() -> ExitCode {
         Command::Tap(tap) => tap.run(&mut answer),
         #[cfg(feature = "net")]
         Command::Preflight(preflight) => preflight.run(&mut answer),
+        #[cfg(feature = "net")]
+        Command::Replay(replay) => replay.run(&mut answer),
     };
     match result {
         Ok(()) => ExitCode::SUCCESS,

@@ -76,6 +76,7 @@ fn named(path: &Path) -> Result<String, String> {
         | CliError::Write { .. }
         | CliError::Mission(_)
         | CliError::Swarm(_)
+        | CliError::Differs(_)
         | CliError::Fault(_) => error.to_string(),
     })
 }

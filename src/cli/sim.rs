@@ -1,5 +1,7 @@
 //! `tomoswarm sim [CONFIG]`: simulates a swarm in virtual time, and writes a folder with pictures and data.
 
+#[cfg(feature = "net")]
+use std::cell::RefCell;
 use std::io::{IsTerminal, Write};
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
@@ -8,12 +10,16 @@ use indicatif::{ProgressBar, ProgressStyle};
 
 use super::answer::complain;
 use super::error::CliError;
+#[cfg(feature = "net")]
+use super::flight::{Flights, SEGMENT};
 use super::folder::OutputFolder;
 use super::load::{self, Loaded};
 use super::pictures::write_pictures;
 use super::report::{FAMILY, Report, write_data};
 use super::stop::Stop;
 use super::trials;
+#[cfg(feature = "net")]
+use crate::config::bundled;
 use crate::sim::{Outcome, RunError, Scenario, Status};
 
 /// Simulate a swarm: rovers sweep an area, and the image of what stands in it is drawn.
@@ -45,6 +51,10 @@ pub struct SimArgs {
     /// Write the data but draw no pictures
     #[arg(long)]
     pub no_pictures: bool,
+    /// Record what every actor is told and says, for `tomoswarm replay` and Foxglove: flight/NODE/*.mcap
+    #[cfg(feature = "net")]
+    #[arg(long, conflicts_with = "trials")]
+    pub record: bool,
     /// Run this many seeds, beginning with --seed, on all cores; print a table and write no folder
     #[arg(
         long,
@@ -99,7 +109,7 @@ impl SimArgs {
         let stop = Stop::listen();
         let mut folder = OutputFolder::prepare(&target, FAMILY)?;
         let started = started();
-        let outcome = watched(&scenario, &stop, started)?;
+        let outcome = self.outcome(&scenario, &folder, &stop, started)?;
         write_data(&mut folder, &scenario, &outcome)?;
         if !self.no_pictures {
             write_pictures(&mut folder, &scenario, &outcome)?;
@@ -114,6 +124,42 @@ impl SimArgs {
         let collisions = outcome.collisions.len();
         let broken = why_failed(outcome.failure.as_deref(), collisions, outcome.fence_breaches);
         broken.map_or(Ok(()), |reason| Err(CliError::Mission(reason)))
+    }
+
+    #[cfg(not(feature = "net"))]
+    fn outcome(
+        &self,
+        scenario: &Scenario,
+        _folder: &OutputFolder,
+        stop: &Stop,
+        started: Instant,
+    ) -> Result<Outcome, CliError> {
+        watched(stop, started, |watch| scenario.run(watch))
+    }
+
+    /// Runs the scenario, and records it when that is asked for.
+    #[cfg(feature = "net")]
+    fn outcome(
+        &self,
+        scenario: &Scenario,
+        folder: &OutputFolder,
+        stop: &Stop,
+        started: Instant,
+    ) -> Result<Outcome, CliError> {
+        if !self.record {
+            return watched(stop, started, |watch| scenario.run(watch));
+        }
+        let settings = match &self.config {
+            Some(path) => super::read::text(path)?,
+            None => bundled::load(bundled::COURTYARD).unwrap_or_default(),
+        };
+        let flights = RefCell::new(Flights::new(folder.recordings()?, settings, scenario.sim()));
+        let outcome = watched(stop, started, |watch| {
+            let mut watch = |status: &Status| watch(status) && !flights.borrow().is_in_trouble();
+            scenario.run_recorded(&mut watch, SEGMENT, &mut |entry| flights.borrow_mut().take(&entry))
+        })?;
+        flights.into_inner().end()?;
+        Ok(outcome)
     }
 
     /// Loads the files and makes the scenario of a seed.
@@ -158,7 +204,12 @@ fn started() -> Instant {
     Instant::now()
 }
 
-fn watched(scenario: &Scenario, stop: &Stop, started: Instant) -> Result<Outcome, CliError> {
+/// Runs with a progress line, until it is asked to stop.
+fn watched(
+    stop: &Stop,
+    started: Instant,
+    run: impl FnOnce(&mut dyn FnMut(&Status) -> bool) -> Result<Outcome, RunError>,
+) -> Result<Outcome, CliError> {
     let bar = progress_bar();
     let mut is_stopped = false;
     let mut watch = |status: &Status| {
@@ -168,7 +219,7 @@ fn watched(scenario: &Scenario, stop: &Stop, started: Instant) -> Result<Outcome
         is_stopped = stop.is_asked();
         !is_stopped
     };
-    let mut outcome = scenario.run(&mut watch).map_err(|error| match error {
+    let mut outcome = run(&mut watch).map_err(|error| match error {
         RunError::Scenario(error) => CliError::Usage(error.to_string()),
         RunError::Fault(fault) => CliError::Fault(fault.to_string()),
     })?;

@@ -9,6 +9,16 @@
 //!     /ground/image, structure      foxglove.Grid
 //! ```
 //!
+//! A step's `told` and `said` are the actor's own words, as JSON. A live actor's thread hands its snapshot in before its
+//! first step of a segment; a simulated node opens every segment with all of them. Replay: [`replay()`].
+//!
+//! Any MCAP tool opens the files. To see that they still do, with the public Python package (`pip install mcap`):
+//!
+//! ```text
+//!   from mcap.reader import make_reader
+//!   for schema, channel, message in make_reader(open("flight-000001.mcap", "rb")).iter_messages(): ...
+//! ```
+//!
 //! Log and publish times are the node's: nanoseconds since it started. Snapshots are read by the same version only.
 
 mod base64;

@@ -247,3 +247,115 @@ impl Writing {
         Ok(())
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::reader::{Found, ReadError, Reader};
+    use super::*;
+    use crate::actor::{Cause, Step};
+    use crate::geom::Lattice;
+    use crate::node::{Acted, radio};
+    use std::path::Path;
+
+    fn about() -> About {
+        let settings = "kind = \"vehicle\"".to_owned();
+        About { node: "vehicle/1".to_owned(), settings, lattice: Lattice::new(0.2), utc_at_zero_ns: None }
+    }
+
+    fn deed(number: u64) -> Deed {
+        let cause = Cause::Told(radio::In::Measure(None));
+        let step: Step<radio::In, radio::Out> =
+            Step { now: Time::from_nanos(number), cause, said: Vec::new(), fault: None };
+        Deed::Vehicle(Acted::Radio(step))
+    }
+
+    /// What stands in a segment: the ends of the topics, in order, and how the file ends.
+    fn read(folder: &Path, number: u64) -> (Vec<String>, Option<ReadError>) {
+        let path = folder.join(format!("flight-{number:06}.mcap"));
+        let mut reader = Reader::new(std::fs::File::open(path).unwrap());
+        let mut found = Vec::new();
+        loop {
+            match reader.next_found() {
+                Ok(None) => return (found, None),
+                Ok(Some(Found::Metadata { name, .. })) => found.push(name),
+                Ok(Some(Found::Message { topic, .. })) => found.push(topic),
+                Err(error) => return (found, Some(error)),
+            }
+        }
+    }
+
+    fn wait_until(mut what: impl FnMut() -> bool) {
+        for _ in 0..500 {
+            if what() {
+                return;
+            }
+            std::thread::sleep(Duration::from_millis(20));
+        }
+        panic!("it never comes");
+    }
+
+    #[test]
+    fn a_segment_is_readable_while_it_is_written_and_whole_in_the_end() {
+        let folder = tempfile::tempdir().unwrap();
+        let recorder = Recorder::start(folder.path().to_owned(), about(), Limits::default());
+        let mut scribe = recorder.scribe();
+        assert!(scribe.prepare(Time::ZERO, "radio", &7_u32));
+        (1..=100).for_each(|number| scribe.step(deed(number)));
+        wait_until(|| read(folder.path(), 1).0.len() == 3 + 100);
+        assert!(matches!(read(folder.path(), 1).1, Some(ReadError::Truncated { .. })), "as after a kill");
+        drop(recorder);
+        let (found, end) = read(folder.path(), 1);
+        assert!(end.is_none(), "{end:?}");
+        assert_eq!(
+            found[..4],
+            ["tomoswarm", "settings", "/vehicle/1/radio/snapshot", "/vehicle/1/radio/step"]
+        );
+        assert_eq!(found.len(), 3 + 100);
+    }
+
+    #[test]
+    fn what_comes_too_fast_ends_the_segment_and_the_next_opens_with_a_snapshot() {
+        let folder = tempfile::tempdir().unwrap();
+        let recorder = Recorder::with_queue(folder.path().to_owned(), about(), Limits::default(), 8);
+        let mut scribe = recorder.scribe();
+        assert!(scribe.prepare(Time::ZERO, "radio", &7_u32));
+        (1..=20_000).for_each(|number| scribe.step(deed(number)));
+        assert!(!scribe.prepare(Time::ZERO, "radio", &7_u32), "nothing more of it in a broken segment");
+        wait_until(|| scribe.prepare(Time::ZERO, "radio", &8_u32));
+        scribe.step(deed(20_001));
+        drop(recorder);
+        let (first, second) = (read(folder.path(), 1).0, read(folder.path(), 2).0);
+        assert_eq!(first.last().unwrap(), "gap");
+        assert_eq!(second[2..], ["/vehicle/1/radio/snapshot", "/vehicle/1/radio/step"]);
+    }
+
+    #[test]
+    fn where_nothing_can_be_written_the_node_goes_on_without() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("file");
+        std::fs::write(&path, "in the way").unwrap();
+        let recorder = Recorder::start(path, about(), Limits::default());
+        assert!(recorder.trouble().unwrap().contains("cannot be written"));
+        assert!(!recorder.scribe().prepare(Time::ZERO, "radio", &7_u32));
+    }
+
+    #[test]
+    fn the_oldest_segments_go_when_all_are_too_large() {
+        let folder = tempfile::tempdir().unwrap();
+        let limits = Limits { cap_bytes: 60_000, segment_bytes: 10_000, segment: Duration::from_secs(300) };
+        let mut flight = Flight::new(folder.path(), about(), limits);
+        let mut segment = flight.begin(Time::ZERO, None).unwrap();
+        for number in 0..4000 {
+            flight.step(segment, &deed(number)).unwrap();
+            if number % 50 == 0 && flight.flush(Time::from_nanos(number)).unwrap() {
+                segment = flight.begin(Time::from_nanos(number), None).unwrap();
+            }
+        }
+        flight.end().unwrap();
+        let sizes =
+            std::fs::read_dir(folder.path()).unwrap().map(|entry| entry.unwrap().metadata().unwrap().len());
+        let total: u64 = sizes.sum();
+        assert!(segment > 6 && (20_000..80_000).contains(&total), "{segment} segments, {total} bytes left");
+        assert!(!folder.path().join("flight-000001.mcap").exists());
+    }
+}

@@ -241,3 +241,61 @@ fn came_of(step: &Value) -> String {
     let part = |name: &str| step.get(name).map(|value| format!(" {name}: {value}")).unwrap_or_default();
     format!("{said}{}{}", part("woken"), part("fault"))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::actor::{Cause, Fault, Step};
+    use crate::time::Deadline;
+    use serde::Deserialize;
+
+    /// Multiplies what it is told by a constant, and adds what it was told before.
+    #[derive(Serialize, Deserialize)]
+    struct Scales<const BY: u64> {
+        sum: u64,
+    }
+
+    impl<const BY: u64> Actor for Scales<BY> {
+        type In = u64;
+        type Out = u64;
+        fn handle(&mut self, _now: Time, input: u64, out: &mut Vec<u64>) -> Result<(), Fault> {
+            self.sum += input;
+            out.push(self.sum * BY);
+            Ok(())
+        }
+        fn deadline(&self) -> Option<Deadline> {
+            None
+        }
+        fn wake(&mut self, _now: Time, _out: &mut Vec<u64>) -> Result<(), Fault> {
+            Ok(())
+        }
+    }
+
+    #[test]
+    fn an_actor_with_another_constant_differs_where_it_matters() {
+        let recorded = [(1, 0, 6), (2, 3, 12)].map(|(at, input, said)| {
+            let now = Time::from_nanos(at);
+            message::of_step(&Step { now, cause: Cause::Told(input), said: vec![said], fault: None }).unwrap()
+        });
+        let (mut same, mut other) = (Scales::<2> { sum: 3 }, Scales::<4> { sum: 3 });
+        for text in &recorded {
+            assert_eq!(take_again(&mut same, text.as_bytes()).unwrap(), None);
+        }
+        let (at, [told, then, now]) = take_again(&mut other, recorded[0].as_bytes()).unwrap().unwrap();
+        assert_eq!(
+            (at, told.as_str(), then.as_str(), now.as_str()),
+            (Time::from_nanos(1), "0", "[6]", "[12]")
+        );
+    }
+
+    #[test]
+    fn spaces_do_not_matter_and_a_wake_out_of_turn_does() {
+        let mut scales = Scales::<2> { sum: 0 };
+        let spaced = b"{ \"said\": [4], \"told\": 2, \"now_ns\": 5 }";
+        assert_eq!(take_again(&mut scales, spaced).unwrap(), None);
+        let woken = b"{\"now_ns\":6,\"woken\":\"tick\",\"said\":[]}";
+        let (_, [told, _, now]) = take_again(&mut scales, woken).unwrap().unwrap();
+        assert_eq!(told, "woken: \"tick\"");
+        assert!(now.contains("nothing is due"), "{now}");
+    }
+}

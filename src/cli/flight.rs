@@ -1,0 +1,98 @@
+//! `sim --record`: the recordings of all nodes of a simulated run, a folder for each node.
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+use std::time::Duration;
+
+use super::error::CliError;
+use crate::config::Sim;
+use crate::geom::Lattice;
+use crate::sim::Entry;
+use crate::sim::bus::NodeId;
+use crate::store::recording::{About, Deed, Flight, Limits, WriteError};
+
+/// A new segment begins after this much virtual time.
+pub(super) const SEGMENT: Duration = Duration::from_secs(300);
+/// A simulated node may record so much, bytes; then its oldest segments go.
+const CAP: u64 = 4 << 30;
+
+/// The recordings of all nodes of a run.
+pub(super) struct Flights {
+    folder: PathBuf,
+    settings: String,
+    lattice: Lattice,
+    nodes: BTreeMap<String, (Flight, u64)>,
+    trouble: Option<WriteError>,
+}
+
+impl Flights {
+    /// Makes recordings in a folder; `settings` is the text of the simulation's file.
+    pub fn new(folder: PathBuf, settings: String, sim: &Sim) -> Flights {
+        let lattice = Lattice::new(sim.venue.cell_m);
+        Flights { folder, settings, lattice, nodes: BTreeMap::new(), trouble: None }
+    }
+
+    /// Takes what a run hands out; after the first trouble nothing more is written.
+    pub fn take(&mut self, entry: &Entry) {
+        if self.trouble.is_none() {
+            self.trouble = self.write(entry).err();
+        }
+    }
+
+    /// Tells whether something could not be written.
+    pub fn is_in_trouble(&self) -> bool {
+        self.trouble.is_some()
+    }
+
+    fn write(&mut self, entry: &Entry) -> Result<(), WriteError> {
+        match entry {
+            Entry::Segment { node, now, snapshots } => {
+                let (flight, segment) = self.flight(&name(*node));
+                *segment = flight.begin(*now, None)?;
+                snapshots.iter().try_for_each(|snapshot| flight.snapshot(*segment, *now, snapshot))
+            }
+            Entry::Vehicle(id, acted) => {
+                let (flight, segment) = self.flight(&name(NodeId::Vehicle(*id)));
+                flight.step(*segment, &Deed::Vehicle(acted.clone()))
+            }
+            Entry::Ground(acted) => {
+                let (flight, segment) = self.flight(&name(NodeId::Ground));
+                flight.step(*segment, &Deed::Ground(acted.clone()))
+            }
+        }
+    }
+
+    fn flight(&mut self, node: &str) -> &mut (Flight, u64) {
+        self.nodes.entry(node.to_owned()).or_insert_with(|| {
+            let (settings, lattice) = (self.settings.clone(), self.lattice);
+            let about = About { node: node.to_owned(), settings, lattice, utc_at_zero_ns: None };
+            let limits = Limits { cap_bytes: CAP, segment_bytes: CAP, segment: SEGMENT };
+            (Flight::new(&self.folder.join(folder_of(node)), about, limits), 0)
+        })
+    }
+
+    /// Ends all recordings in order.
+    ///
+    /// # Errors
+    /// Something could not be written.
+    pub fn end(self) -> Result<(), CliError> {
+        let failed = |WriteError { path, reason }: WriteError| CliError::Write {
+            path,
+            source: std::io::Error::other(reason),
+        };
+        self.trouble.map_or(Ok(()), Err).map_err(failed)?;
+        self.nodes.into_values().try_for_each(|(flight, _)| flight.end()).map_err(failed)
+    }
+}
+
+fn name(node: NodeId) -> String {
+    match node {
+        NodeId::Vehicle(id) => format!("vehicle/{id}"),
+        NodeId::Ground => "ground".to_owned(),
+        NodeId::Operator => "operator".to_owned(),
+    }
+}
+
+fn folder_of(node: &str) -> PathBuf {
+    Path::new(&node.replace('/', "-")).to_owned()
+}

@@ -1,0 +1,194 @@
+//! Recording and replaying as users meet it: a simulated run recorded, replayed, tampered with, cut off and damaged.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+
+use super::desk::{Desk, Said};
+
+const RECORD: [&str; 6] = ["sim", "small.sim.toml", "--no-pictures", "--record", "--out", "run"];
+const ROVER: &str = "run/flight/vehicle-1/flight-000001.mcap";
+
+fn recorded() -> Desk {
+    let desk = Desk::new();
+    let said = desk.run(&RECORD);
+    assert_eq!(said.code, 0, "{said:?}");
+    desk
+}
+
+/// A message of a file, as it may be changed: topic and text.
+type Message = (String, String);
+
+/// Writes a recording anew with its metadata and messages changed.
+fn rewrite(
+    path: &Path,
+    mut change: impl FnMut(&mut BTreeMap<String, String>),
+    mut keep: impl FnMut(usize, &mut Message) -> bool,
+) {
+    let bytes = std::fs::read(path).unwrap();
+    let mut writer =
+        mcap::WriteOptions::new().compression(None).create(std::fs::File::create(path).unwrap()).unwrap();
+    for record in mcap::read::LinearReader::new(&bytes).unwrap() {
+        if let mcap::records::Record::Metadata(mut found) = record.unwrap() {
+            change(&mut found.metadata);
+            writer.write_metadata(&found).unwrap();
+        }
+    }
+    let mut numbers = BTreeMap::<String, usize>::new();
+    for message in mcap::MessageStream::new(&bytes).unwrap() {
+        let message = message.unwrap();
+        let topic = message.channel.topic.clone();
+        let number = numbers.entry(topic.clone()).or_default();
+        *number += 1;
+        let mut changed = (topic, String::from_utf8(message.data.to_vec()).unwrap());
+        if keep(*number, &mut changed) {
+            let data = changed.1.into_bytes().into();
+            writer.write(&mcap::Message { data, ..message }).unwrap();
+        }
+    }
+    writer.finish().unwrap();
+}
+
+fn replay(desk: &Desk, path: &str) -> Said {
+    desk.run(&["replay", path])
+}
+
+#[test]
+fn a_recorded_run_replays_identically_and_is_the_same_bytes_again() {
+    let desk = recorded();
+    let said = replay(&desk, "run/flight");
+    assert_eq!((said.code, said.err.as_str()), (0, ""), "{}", said.out);
+    assert_eq!(said.out.lines().count(), 2 * 6 + 3, "{}", said.out);
+    assert!(said.out.lines().all(|line| line.ends_with(" steps  identical")), "{}", said.out);
+    let first = desk.files();
+    assert_eq!(desk.run(&RECORD).code, 0);
+    let again = desk.files();
+    let recordings = |files: &BTreeMap<_, Vec<u8>>| {
+        files
+            .iter()
+            .filter(|(path, _): &(&std::path::PathBuf, _)| path.extension().is_some_and(|end| end == "mcap"))
+            .map(|(path, bytes)| (path.clone(), bytes.clone()))
+            .collect::<Vec<_>>()
+    };
+    assert_eq!(recordings(&first).len(), 3);
+    assert!(recordings(&first) == recordings(&again), "the same seed records the same bytes");
+}
+
+#[test]
+fn a_run_without_a_recording_takes_an_older_one_away() {
+    let desk = recorded();
+    assert!(desk.path(ROVER).exists());
+    assert_eq!(desk.run(&["sim", "small.sim.toml", "--no-pictures", "--out", "run"]).code, 0);
+    assert!(!desk.path("run/flight").exists());
+}
+
+#[test]
+fn a_changed_input_is_named_with_what_came_of_it() {
+    let desk = recorded();
+    let mut which = 0;
+    rewrite(
+        &desk.path(ROVER),
+        |_| {},
+        |number, (topic, text)| {
+            if topic == "/vehicle/1/vehicle/step"
+                && which == 0
+                && number > 40
+                && text.contains("\"told\":{\"Telemetry\"")
+            {
+                let (told, said) = text.split_once(",\"said\":").unwrap();
+                let at = told.find("\"battery\":").unwrap() + "\"battery\":".len();
+                let rest = &told[at..];
+                let end = rest.find([',', '}']).unwrap();
+                *text = format!("{}0.125{},\"said\":{said}", &told[..at], &rest[end..]);
+                which = number;
+            }
+            true
+        },
+    );
+    let said = replay(&desk, "run/flight");
+    assert_eq!(said.code, 1, "{said:?}");
+    assert!(said.err.contains("the replay differs: 1 of 15 actors"), "{}", said.err);
+    let lines: Vec<&str> = said.out.lines().collect();
+    let first = lines.iter().position(|line| line.contains("differs")).unwrap();
+    assert!(
+        lines[first].starts_with("vehicle/1/vehicle ") && lines[first].contains(&format!(" {which} steps"))
+    );
+    assert!(lines[first + 1].contains(ROVER) && lines[first + 1].contains(&format!("step {which}, at ")));
+    assert!(lines[first + 2].contains("told") && lines[first + 2].contains("0.125"));
+    assert!(lines[first + 4].contains("says now") && !lines[first + 3].contains("\"battery\":0.125"));
+    let only = desk.run(&["replay", "run/flight", "--actor", "mission"]);
+    assert_eq!((only.code, only.out.lines().count()), (0, 2), "{only:?}");
+    let json = desk.run(&["replay", ROVER, "--json"]);
+    let value: serde_json::Value = serde_json::from_str(&json.out).unwrap();
+    let vehicle =
+        value["actors"].as_array().unwrap().iter().find(|actor| actor["identical"] == false).unwrap();
+    assert_eq!(
+        (&vehicle["actor"], &vehicle["first_difference"]["step"]),
+        (&"vehicle/1/vehicle".into(), &which.into())
+    );
+    assert_eq!(json.code, 1);
+}
+
+#[test]
+fn a_file_that_was_cut_off_is_replayed_up_to_there() {
+    let desk = recorded();
+    let bytes = desk.read(ROVER);
+    desk.write(ROVER, &bytes[..bytes.len() * 2 / 3]);
+    let said = replay(&desk, ROVER);
+    assert_eq!(said.code, 0, "{said:?}");
+    assert!(
+        said.err.contains("ends unfinished at byte") && said.err.contains("replayed up to there"),
+        "{}",
+        said.err
+    );
+    assert!(said.out.contains("identical"));
+}
+
+#[test]
+fn what_is_no_recording_of_this_version_is_refused() {
+    let desk = recorded();
+    desk.write("text.mcap", "no recording");
+    desk.refused(&["replay", "text.mcap"], &["text.mcap", "is no MCAP file"]);
+    desk.write("empty.mcap", "");
+    desk.refused(&["replay", "empty.mcap"], &["empty.mcap", "is no MCAP file"]);
+    desk.refused(&["replay", "gone.mcap"], &["gone.mcap", "cannot be read"]);
+    std::fs::create_dir(desk.path("nothing")).unwrap();
+    desk.refused(&["replay", "nothing"], &["nothing", "holds no recording"]);
+    let mut damaged = desk.read(ROVER);
+    let middle = damaged.len() / 2;
+    damaged[middle] ^= 0x55;
+    desk.write("damaged.mcap", damaged);
+    let said = replay(&desk, "damaged.mcap");
+    assert_eq!(said.code, 2, "{said:?}");
+    assert!(said.err.contains("damaged.mcap: is damaged before byte"), "{}", said.err);
+    let copy = |name: &str| desk.write(name, desk.read(ROVER));
+    copy("old.mcap");
+    let older = |words: &mut BTreeMap<String, String>| {
+        if let Some(version) = words.get_mut("software") {
+            "0.0.9".clone_into(version);
+        }
+    };
+    rewrite(&desk.path("old.mcap"), older, |_, _| true);
+    desk.refused(&["replay", "old.mcap"], &["recorded by tomoswarm 0.0.9", "same version"]);
+    copy("foreign.mcap");
+    rewrite(&desk.path("foreign.mcap"), |words| words.clear(), |_, _| true);
+    desk.refused(&["replay", "foreign.mcap"], &["foreign.mcap", "recorded by tomoswarm unknown"]);
+    copy("torn.mcap");
+    rewrite(&desk.path("torn.mcap"), |_| {}, |_, (topic, _)| topic != "/vehicle/1/map/snapshot");
+    let said = replay(&desk, "torn.mcap");
+    assert_eq!(said.code, 2);
+    assert!(said.err.contains("/vehicle/1/map/step comes without a snapshot before it"), "{}", said.err);
+    copy("json.mcap");
+    rewrite(
+        &desk.path("json.mcap"),
+        |_| {},
+        |number, (topic, text)| {
+            if topic == "/vehicle/1/radio/step" && number == 3 {
+                "{\"now_ns\":\"soon\"}".clone_into(text);
+            }
+            true
+        },
+    );
+    let said = replay(&desk, "json.mcap");
+    assert_eq!(said.code, 2);
+    assert!(said.err.contains("/vehicle/1/radio/step is no message of a recording"), "{}", said.err);
+}
