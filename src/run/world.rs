@@ -16,6 +16,8 @@ mod door;
 mod live_world;
 mod outgoing;
 mod stage_hand;
+#[cfg(test)]
+mod tests;
 
 use std::io;
 use std::net::{SocketAddr, TcpListener, TcpStream};

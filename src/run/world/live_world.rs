@@ -97,6 +97,12 @@ impl LiveWorld {
         u8::try_from(self.seats.len()).unwrap_or(u8::MAX)
     }
 
+    /// Gives how many things are to happen by themselves.
+    #[cfg(test)]
+    pub fn pending(&self) -> usize {
+        self.queue.len() + self.touches.len()
+    }
+
     /// Gives when something happens by itself next.
     pub fn next_at(&self) -> Time {
         let touch = self.touches.iter().map(|touch| touch.at).min().unwrap_or(Time::NEVER);
