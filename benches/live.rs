@@ -103,7 +103,7 @@ fn tile_latency() {
             joined.send(Instant::now()).unwrap_or_default();
         }
     };
-    seat(&office, &desk, Post::Vital, move || Ok(Map::new(settings.clone())), say).unwrap();
+    seat(&office, &desk, Post::Vital, None, move || Ok(Map::new(settings.clone())), say).unwrap();
     let to_map = desk.clone();
     let _two = bus(2, &here, &[], move |heard| {
         if let Heard::Message(_, Message::Tile(report)) = heard {

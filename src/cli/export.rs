@@ -110,9 +110,11 @@ impl ExportArgs {
         let mut no_files = |_: &str| Err("a venue names no other files".to_owned());
         match config::read(&name, text, &mut no_files)? {
             Config::Venue(venue) => Ok((venue, text.clone())),
-            Config::Scene(_) | Config::Sim(_) => {
-                Err(wrong("holds another kind of file in place of its venue"))
-            }
+            Config::Scene(_)
+            | Config::Sim(_)
+            | Config::Vehicle(_)
+            | Config::Ground(_)
+            | Config::Operator(_) => Err(wrong("holds another kind of file in place of its venue")),
         }
     }
 }

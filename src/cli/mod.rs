@@ -17,6 +17,8 @@ pub mod export;
 #[cfg(feature = "net")]
 mod flight;
 mod folder;
+#[cfg(feature = "net")]
+pub mod ground;
 pub mod image;
 mod load;
 #[cfg(feature = "net")]
@@ -81,6 +83,8 @@ enum Command {
     #[cfg(feature = "net")]
     Vehicle(vehicle::VehicleArgs),
     #[cfg(feature = "net")]
+    Ground(ground::GroundArgs),
+    #[cfg(feature = "net")]
     World(world::WorldArgs),
     #[cfg(feature = "net")]
     Enroll(enroll::EnrollArgs),
@@ -116,6 +120,8 @@ pub fn run() -> ExitCode {
         Command::Check(check) => check.run(&mut answer),
         #[cfg(feature = "net")]
         Command::Vehicle(vehicle) => vehicle.run(&mut answer),
+        #[cfg(feature = "net")]
+        Command::Ground(ground) => ground.run(&mut answer),
         #[cfg(feature = "net")]
         Command::World(world) => world.run(&mut answer),
         #[cfg(feature = "net")]

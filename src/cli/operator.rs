@@ -11,7 +11,8 @@ use tomoswarm_proto::{Sender, VehicleId};
 use super::error::CliError;
 use super::read;
 use crate::config::{self, BusFile, Config, Endpoint, Protocol, Topology, Venue};
-use crate::run::bus::{self, BusError, BusSettings};
+use crate::run::bus::{BusError, BusSettings};
+use crate::run::membership;
 use crate::run::door::session::Session;
 
 /// What a command knows before it hears anything.
@@ -98,24 +99,7 @@ fn settings(path: &Path, venue: &Venue, file: &BusFile) -> Result<BusSettings, C
         let reason = "names no endpoint with a port by which the swarm can be reached".to_owned();
         return Err(CliError::Input { path: path.to_owned(), reason });
     }
-    let texts = |endpoints: &[Endpoint]| endpoints.iter().map(Endpoint::to_string).collect();
-    Ok(BusSettings {
-        node: Sender::Operator,
-        prefix: format!("tomoswarm/{}", venue.name),
-        topology: match file.topology {
-            Topology::Mesh => bus::Topology::Mesh,
-            Topology::Star => bus::Topology::Star,
-        },
-        listen: texts(&file.listen),
-        connect: texts(&file.connect),
-        trust: trust(path, file)?,
-        lease: file.lease,
-        egress_bytes_per_s: (file.egress_kb_per_s * 1e3) as u32,
-    })
-}
-
-fn trust(path: &Path, file: &BusFile) -> Result<Option<bus::Trust>, CliError> {
-    let Some(_) = &file.identity else { return Ok(None) };
-    let reason = "has certificates, which this command does not read yet".to_owned();
-    Err(CliError::Input { path: path.to_owned(), reason })
+    let access = membership::access(Sender::Operator, venue, file, None);
+    let access = access.map_err(|error| CliError::Usage(error.to_string()))?;
+    Ok(membership::bus_settings(Sender::Operator, venue, file, access))
 }

@@ -62,7 +62,7 @@ impl VehicleArgs {
                 line(status);
             }
         };
-        let finish = vehicle_process::run(&file, Vec::new(), &|| stop.is_asked(), &mut status);
+        let finish = vehicle_process::run(&file, &text, &|| stop.is_asked(), &mut status);
         answer(finish.map_err(|error| CliError::Usage(error.to_string()))?)
     }
 }

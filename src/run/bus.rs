@@ -26,6 +26,7 @@ use super::clock::Clock;
 use super::desk::{Troubles, lock};
 use super::egress::{Class, Egress, Parcel};
 use super::subjects::heard_by;
+use super::trust::AccessRule;
 use crate::time::Time;
 
 /// Between two tries to open a session.
@@ -46,15 +47,6 @@ pub enum Topology {
     Star,
 }
 
-/// What a certificate's name may write, without the venue's prefix: `vehicle/3/**`.
-#[derive(Clone, PartialEq, Eq, Debug)]
-pub struct Access {
-    /// The name in the certificate.
-    pub common_name: String,
-    /// Key expressions.
-    pub writes: Vec<String>,
-}
-
 /// The files by which nodes know each other, and what the roster allows.
 #[derive(Clone, PartialEq, Eq, Debug)]
 pub struct Trust {
@@ -65,7 +57,7 @@ pub struct Trust {
     /// Own private key.
     pub key: PathBuf,
     /// Who may write what.
-    pub access: Vec<Access>,
+    pub access: Vec<AccessRule>,
 }
 
 /// How a node takes part in the bus.

@@ -22,7 +22,10 @@ use std::time::Duration;
 
 use super::clock::Clock;
 use super::restarts::Restarts;
-use crate::actor::{Actor, Fault, Inbox, Input, Seat};
+use serde::Serialize;
+
+use crate::actor::{Actor, Fault, Inbox, Input, Seat, Step};
+use crate::store::recording::{Deed, Recorder, Scribe};
 use crate::time::Time;
 
 /// Inputs of the queue class that may wait.
@@ -171,8 +174,23 @@ pub enum Ending {
     Refused(String),
 }
 
+/// How the steps of an actor are written down.
+pub struct Record<A: Actor> {
+    /// Who writes them.
+    pub scribe: Scribe,
+    /// Names whose steps they are.
+    pub deed: fn(Step<A::In, A::Out>) -> Deed,
+}
+
+impl<A: Actor> Record<A> {
+    /// Has the steps written down by a recorder, if there is one.
+    pub fn by(recorder: Option<&Recorder>, deed: fn(Step<A::In, A::Out>) -> Deed) -> Option<Record<A>> {
+        recorder.map(|recorder| Record { scribe: recorder.scribe(), deed })
+    }
+}
+
 /// Seats an actor at a desk, on a thread of its own. `make` gives a fresh actor at the start and after a fault;
-/// `say` takes what it says.
+/// `say` takes what it says; `record` writes down what it does.
 ///
 /// # Errors
 /// The machine has no thread to give.
@@ -180,11 +198,12 @@ pub fn seat<A, M, S>(
     office: &Office,
     desk: &Desk<A::In>,
     post: Post,
+    record: Option<Record<A>>,
     make: M,
     say: S,
 ) -> std::io::Result<JoinHandle<()>>
 where
-    A: Actor + 'static,
+    A: Actor + Serialize + 'static,
     A::In: Input + Clone + Send + 'static,
     A::Out: Clone,
     M: FnMut() -> Result<A, Fault> + Send + 'static,
@@ -193,12 +212,18 @@ where
     let (office, desk) = (office.clone(), desk.clone());
     std::thread::Builder::new()
         .name(desk.name.to_owned())
-        .spawn(move || work(&office, &desk, post, make, say))
+        .spawn(move || work(&office, &desk, post, record, make, say))
 }
 
-fn work<A, M, S>(office: &Office, desk: &Desk<A::In>, post: Post, mut make: M, mut say: S)
-where
-    A: Actor,
+fn work<A, M, S>(
+    office: &Office,
+    desk: &Desk<A::In>,
+    post: Post,
+    mut record: Option<Record<A>>,
+    mut make: M,
+    mut say: S,
+) where
+    A: Actor + Serialize,
     A::In: Input + Clone,
     A::Out: Clone,
     M: FnMut() -> Result<A, Fault>,
@@ -206,8 +231,9 @@ where
 {
     let mut restarts = Restarts::default();
     loop {
-        let ended = catch_unwind(AssertUnwindSafe(|| act(office, desk, make()?, &mut say)));
+        let ended = catch_unwind(AssertUnwindSafe(|| act(office, desk, &mut record, make()?, &mut say)));
         desk.unread.busy_since.store(0, Ordering::Relaxed);
+        record.iter_mut().for_each(|record| record.scribe.restarted());
         let fault = match ended {
             Ok(Ok(())) => return,
             Ok(Err(fault)) => fault,
@@ -232,9 +258,15 @@ where
     }
 }
 
-fn act<A>(office: &Office, desk: &Desk<A::In>, actor: A, say: &mut impl FnMut(A::Out)) -> Result<(), Fault>
+fn act<A>(
+    office: &Office,
+    desk: &Desk<A::In>,
+    record: &mut Option<Record<A>>,
+    actor: A,
+    say: &mut impl FnMut(A::Out),
+) -> Result<(), Fault>
 where
-    A: Actor,
+    A: Actor + Serialize,
     A::In: Input + Clone,
     A::Out: Clone,
 {
@@ -243,7 +275,14 @@ where
         let now = office.clock.now();
         desk.unread.busy_since.store(now.as_nanos() + 1, Ordering::Relaxed);
         inputs.into_iter().for_each(|input| seat.push(input));
-        seat.act(now, &mut *say)?;
+        let mut watched = record.as_mut();
+        watched.take_if(|record| !record.scribe.prepare(now, desk.name, seat.actor()));
+        match watched {
+            Some(Record { scribe, deed }) => {
+                seat.act_watched(now, Some(|step| scribe.step(deed(step))), &mut *say)?;
+            }
+            None => seat.act(now, &mut *say)?,
+        }
         desk.unread.busy_since.store(0, Ordering::Relaxed);
     }
     Ok(())
@@ -268,6 +307,7 @@ mod tests {
     use std::sync::mpsc::{Receiver, channel};
 
     /// Repeats what it is told; 13 makes it panic, 7 is a fault.
+    #[derive(Serialize)]
     struct Echo {
         wakes: u32,
         next: Time,
@@ -314,7 +354,7 @@ mod tests {
         let desk = Desk::new("echo");
         let make = move || Ok(Echo { wakes, next: Time::ZERO });
         let say = move |out| said.send(out).unwrap_or_default();
-        let thread = seat(&office, &desk, post, make, say).unwrap();
+        let thread = seat(&office, &desk, post, None, make, say).unwrap();
         (desk, heard, failed, office.troubles.clone(), thread)
     }
 

@@ -5,12 +5,14 @@ use std::sync::Arc;
 use std::thread::JoinHandle;
 use std::time::Duration;
 
-use super::desk::{Desk, Office, Post, seat};
+use super::desk::{Desk, Office, Post, Record, seat};
 use crate::actor::Fault;
+use crate::ground::Acted;
 use crate::ground::imager::{Imager, Job};
 use crate::ground::planner::{Planner, Request};
 use crate::ground::route::{Effect, Event, Said, To, route};
 use crate::ground::station::{self, Station};
+use crate::store::recording::{Deed, Recorder};
 use crate::time::Time;
 
 /// The inboxes of the ground station's actors.
@@ -87,14 +89,18 @@ pub fn seat_all(
     office: &Office,
     desks: &Desks,
     makers: Makers,
+    recorder: Option<&Recorder>,
     carry_out: impl Fn(Effect) + Send + Sync + 'static,
 ) -> std::io::Result<Vec<JoinHandle<()>>> {
     let edge = Arc::new(carry_out);
     let Makers { station, planner, imager } = makers;
+    let of_station = Record::by(recorder, |step| Deed::Ground(Acted::Station(step)));
+    let of_planner = Record::by(recorder, |step| Deed::Ground(Acted::Planner(step)));
+    let of_imager = Record::by(recorder, |step| Deed::Ground(Acted::Imager(step)));
     Ok(vec![
-        seat(office, &desks.station, Post::Vital, station, voice(desks, &edge, Said::Station))?,
-        seat(office, &desks.planner, Post::Leaf, planner, voice(desks, &edge, Said::Planner))?,
-        seat(office, &desks.imager, Post::Leaf, imager, voice(desks, &edge, Said::Imager))?,
+        seat(office, &desks.station, Post::Vital, of_station, station, voice(desks, &edge, Said::Station))?,
+        seat(office, &desks.planner, Post::Leaf, of_planner, planner, voice(desks, &edge, Said::Planner))?,
+        seat(office, &desks.imager, Post::Leaf, of_imager, imager, voice(desks, &edge, Said::Imager))?,
     ])
 }
 

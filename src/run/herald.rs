@@ -42,7 +42,11 @@ impl Herald {
             Heard::Greeting(greeting, hello) => {
                 let verdict = lock(&judged).hear(&greeting, hello.as_ref());
                 match verdict {
-                    Verdict::Fine => {}
+                    Verdict::Fine => {
+                        if let Some(hello) = hello.filter(|hello| lock(&judged).listens_to(hello.node)) {
+                            hear(hello.node, Message::Hello(hello));
+                        }
+                    }
                     Verdict::Foreign(reason) => tracing::warn!("{reason}"),
                     Verdict::Refused(reason) => {
                         lock(&endings).send(Ending::Refused(reason)).unwrap_or_default();

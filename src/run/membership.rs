@@ -4,7 +4,9 @@ use std::path::PathBuf;
 
 use tomoswarm_proto::{Boot, Hello, Sender};
 
-use super::bus::{Access, BusSettings, Topology, Trust};
+use super::bus::{BusSettings, Topology, Trust};
+use super::state_dir::StateDir;
+use super::trust::{self, AccessRule, TrustError, Trusted};
 use crate::config::{BusFile, Endpoint, Topology as Named, Venue};
 
 /// The machine gave no random number, so that nothing can be told apart.
@@ -21,7 +23,7 @@ pub fn draw() -> Result<u64, NoChance> {
 }
 
 /// Gives how a node takes part in the bus; `access` says who may write what, where there are certificates.
-pub fn bus_settings(node: Sender, venue: &Venue, file: &BusFile, access: Vec<Access>) -> BusSettings {
+pub fn bus_settings(node: Sender, venue: &Venue, file: &BusFile, access: Vec<AccessRule>) -> BusSettings {
     let trust = file.identity.as_ref().map(|identity| Trust {
         ca: PathBuf::from(&identity.ca),
         certificate: PathBuf::from(&identity.certificate),
@@ -42,6 +44,28 @@ pub fn bus_settings(node: Sender, venue: &Venue, file: &BusFile, access: Vec<Acc
         lease: file.lease,
         egress_bytes_per_s: (file.egress_kb_per_s * 1e3) as u32,
     }
+}
+
+/// Reads the files by which a node is known, and gives who may write what; nothing where there are no certificates.
+/// The highest issue of the roster that was ever seen is kept, so that an older one does not count again.
+///
+/// # Errors
+/// A file is damaged, of another authority, or revoked; the roster is older than one seen before.
+pub fn access(
+    node: Sender,
+    venue: &Venue,
+    file: &BusFile,
+    state_dir: Option<&StateDir>,
+) -> Result<Vec<AccessRule>, TrustError> {
+    let Some(identity) = &file.identity else { return Ok(Vec::new()) };
+    let seen_path = state_dir.map(|state_dir| state_dir.join("roster-issue"));
+    let seen = seen_path.as_ref().and_then(|path| std::fs::read_to_string(path).ok()?.trim().parse().ok());
+    let trusted = Trusted::read(identity, node, seen)?;
+    if let Some(path) = seen_path {
+        // Where it cannot be kept only an older roster goes unnoticed.
+        let _ = std::fs::write(path, trusted.roster.issue.to_string());
+    }
+    Ok(trust::access_rules(&trusted.roster, &venue.name, file.topology))
 }
 
 /// Gives how a node greets.

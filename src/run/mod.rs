@@ -12,6 +12,7 @@ pub mod desk;
 pub mod door;
 pub mod egress;
 pub mod ground;
+pub mod ground_process;
 pub mod herald;
 pub mod joining;
 pub mod link;

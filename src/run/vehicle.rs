@@ -14,8 +14,7 @@ use std::sync::Arc;
 use std::thread::JoinHandle;
 use std::time::Duration;
 
-use super::desk::{Desk, Office, Post, seat};
-use crate::node::Settings;
+use super::desk::{Desk, Office, Post, Record, seat};
 use crate::node::map::{self, Map};
 use crate::node::mission::{self, Mission};
 use crate::node::outbox::{self, Outbox};
@@ -23,6 +22,8 @@ use crate::node::radio::{self, Radio};
 use crate::node::route::{Effect, Event, Said, To, route};
 use crate::node::sensor::{self, Sensor};
 use crate::node::vehicle::{self, Vehicle};
+use crate::node::{Acted, Settings};
+use crate::store::recording::{Deed, Recorder};
 use crate::time::Time;
 
 /// The inboxes of a vehicle's actors.
@@ -112,7 +113,8 @@ impl Desks {
     }
 }
 
-/// Seats the six actors. `carry_out` is called from their threads for everything that concerns the outside.
+/// Seats the six actors. `carry_out` is called from their threads for everything that concerns the outside; what they do
+/// is written down where there is a recorder.
 ///
 /// The range sensor's actor begins anew after a fault; a fault of any other ends the process, the radio's too: its
 /// samples are numbered, and a fresh one would count from the beginning under the same start.
@@ -123,45 +125,33 @@ pub fn seat_all(
     office: &Office,
     desks: &Desks,
     settings: &Settings,
+    recorder: Option<&Recorder>,
     carry_out: impl Fn(Effect) + Send + Sync + 'static,
 ) -> std::io::Result<Vec<JoinHandle<()>>> {
     let edge = Arc::new(carry_out);
     let own = || settings.clone();
-    let (v, s, m) = (own(), own(), own());
-    let (i, r, o) = (own(), own(), own());
+    let (v, s, m, i, r, o) = (own(), own(), own(), own(), own(), own());
+    let vehicle = move || Ok(Vehicle::new(v.clone()));
     let sensor = move || Ok(Sensor::new(s.look.clone(), s.safety.pose_sd_max_m));
+    let map = move || Ok(Map::new(m.clone()));
+    let mission = move || Ok(Mission::new(i.clone()));
+    let radio = move || Ok(Radio::new(r.clone()));
     let outbox = move || Ok(Outbox::new(o.vehicle));
+    let (of_vehicle, of_sensor, of_map, of_mission, of_radio, of_outbox) = (
+        Record::by(recorder, |step| Deed::Vehicle(Acted::Vehicle(step))),
+        Record::by(recorder, |step| Deed::Vehicle(Acted::Sensor(step))),
+        Record::by(recorder, |step| Deed::Vehicle(Acted::Map(step))),
+        Record::by(recorder, |step| Deed::Vehicle(Acted::Mission(step))),
+        Record::by(recorder, |step| Deed::Vehicle(Acted::Radio(step))),
+        Record::by(recorder, |step| Deed::Vehicle(Acted::Outbox(step))),
+    );
     Ok(vec![
-        seat(
-            office,
-            &desks.vehicle,
-            Post::Vital,
-            move || Ok(Vehicle::new(v.clone())),
-            voice(desks, &edge, Said::Vehicle),
-        )?,
-        seat(office, &desks.sensor, Post::Leaf, sensor, voice(desks, &edge, Said::Sensor))?,
-        seat(
-            office,
-            &desks.map,
-            Post::Vital,
-            move || Ok(Map::new(m.clone())),
-            voice(desks, &edge, Said::Map),
-        )?,
-        seat(
-            office,
-            &desks.mission,
-            Post::Vital,
-            move || Ok(Mission::new(i.clone())),
-            voice(desks, &edge, Said::Mission),
-        )?,
-        seat(
-            office,
-            &desks.radio,
-            Post::Vital,
-            move || Ok(Radio::new(r.clone())),
-            voice(desks, &edge, Said::Radio),
-        )?,
-        seat(office, &desks.outbox, Post::Vital, outbox, voice(desks, &edge, Said::Outbox))?,
+        seat(office, &desks.vehicle, Post::Vital, of_vehicle, vehicle, voice(desks, &edge, Said::Vehicle))?,
+        seat(office, &desks.sensor, Post::Leaf, of_sensor, sensor, voice(desks, &edge, Said::Sensor))?,
+        seat(office, &desks.map, Post::Vital, of_map, map, voice(desks, &edge, Said::Map))?,
+        seat(office, &desks.mission, Post::Vital, of_mission, mission, voice(desks, &edge, Said::Mission))?,
+        seat(office, &desks.radio, Post::Vital, of_radio, radio, voice(desks, &edge, Said::Radio))?,
+        seat(office, &desks.outbox, Post::Vital, of_outbox, outbox, voice(desks, &edge, Said::Outbox))?,
     ])
 }
 

@@ -5,25 +5,31 @@
 
 use std::path::Path;
 use std::sync::{Arc, Mutex};
-use std::time::Duration;
+use std::time::{Duration, SystemTime};
 
 use tomoswarm_proto::{Health, Message, Mode, Sender, State, VehicleId};
 
-use super::bus::{Access, BusError, Mouth};
+use super::bus::{BusError, Mouth};
 use super::desk::{Troubles, lock};
 use super::herald::Herald;
 use super::link::{LinkSettings, LinkState, WorldLink};
 use super::membership::{self, NoChance};
 use super::process::{Finish, Process};
 use super::state_dir::{StateDir, StateDirError};
+use super::trust::TrustError;
 use super::vehicle::{Desks, seat_all};
-use crate::config::VehicleFile;
+use crate::config::{Record, VehicleFile};
+use crate::geom::Lattice;
 use crate::node::vehicle::Fly;
 use crate::node::{Effect, Event, Settings};
+use crate::store::outbox::{OutboxDriver, OutboxSettings};
+use crate::store::recording::{About, Limits, Recorder};
 use crate::time::Time;
 
 /// Health is said every second tick.
 const HEALTH_EVERY: Duration = Duration::from_secs(2);
+/// What the samples on disk may grow to, bytes.
+const OUTBOX_BYTES: u64 = 1 << 30;
 /// At the end a vehicle that drives gets this long to brake.
 const BRAKES_WITHIN: Duration = Duration::from_secs(3);
 
@@ -36,6 +42,9 @@ pub enum VehicleError {
     /// The bus cannot be opened.
     #[error(transparent)]
     Bus(#[from] BusError),
+    /// It is not known to the others, or does not know them.
+    #[error(transparent)]
+    Trust(#[from] TrustError),
     /// The system gives no random numbers.
     #[error(transparent)]
     NoChance(#[from] NoChance),
@@ -67,6 +76,7 @@ struct Last {
 struct Edge {
     mouth: Mouth,
     world: WorldLink,
+    outbox: OutboxDriver,
     last: Mutex<Last>,
     desks: Desks,
 }
@@ -88,18 +98,20 @@ impl Edge {
                 self.mouth.publish(message);
             }
             Effect::Note(note) => tracing::info!("{note:?}"),
-            Effect::Keep(..) | Effect::Forget { .. } | Effect::Recall { .. } => {}
+            Effect::Keep(run, sample) => self.outbox.keep(*run, *sample),
+            Effect::Forget { boot, run, below } => self.outbox.forget(*boot, *run, *below),
+            Effect::Recall { after } => self.outbox.recall(*after),
         }
     }
 }
 
-/// Runs a vehicle until it is asked to stop or cannot go on. `status` is called once a second.
+/// Runs a vehicle until it is asked to stop or cannot go on; `text` is its file, for the recording. `status` is called once a second.
 ///
 /// # Errors
 /// It cannot begin.
 pub fn run(
     file: &VehicleFile,
-    access: Vec<Access>,
+    text: &str,
     is_stopped: &dyn Fn() -> bool,
     status: &mut dyn FnMut(&Status),
 ) -> Result<Finish, VehicleError> {
@@ -110,15 +122,22 @@ pub fn run(
     let hello = membership::greeting(node, state_dir.boot(), &file.venue, &["range", "radio"])?;
     let desks = Desks::default();
     let told = desks.clone();
+    let access = membership::access(node, &file.venue, &file.bus, Some(&state_dir))?;
     let bus = membership::bus_settings(node, &file.venue, &file.bus, access);
     let mut herald = process.join(bus, hello, move |_, message| told.tell(Event::Bus(message)))?;
     let world = link(file, &state_dir, desks.clone())?;
-    let edge = Arc::new(Edge { mouth: herald.mouth(), world, last: Mutex::default(), desks: desks.clone() });
+    let outbox = outbox(file, &state_dir, desks.clone())?;
+    let last = Mutex::default();
+    let edge = Arc::new(Edge { mouth: herald.mouth(), world, outbox, last, desks: desks.clone() });
     let of_actors = edge.clone();
-    let threads = seat_all(process.office(), &desks, &settings, move |effect| of_actors.carry_out(effect))?;
+    let recorder = recorder(file.record, &state_dir, &format!("vehicle/{}", file.id), text, settings.lattice);
+    let carry_out = move |effect| of_actors.carry_out(effect);
+    let threads = seat_all(process.office(), &desks, &settings, recorder.as_ref(), carry_out)?;
     let mut said_at = Time::ZERO;
     let mut tick = |now: Time, herald: &Herald, troubles: &Troubles| {
         edge.watch_world(troubles);
+        edge.watch_disk(troubles);
+        watch_recorder(recorder.as_ref(), troubles);
         if now.since(said_at) >= HEALTH_EVERY {
             said_at = now;
             edge.mouth.publish(&Message::Health(edge.health(&settings, &state_dir, troubles)));
@@ -142,6 +161,46 @@ pub fn run(
     Ok(finish)
 }
 
+/// Begins to record, if the file wants it.
+pub(super) fn recorder(
+    record: Record,
+    state_dir: &StateDir,
+    node: &str,
+    text: &str,
+    lattice: Lattice,
+) -> Option<Recorder> {
+    let cap_bytes = record.limit_bytes()?;
+    let utc = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH).ok();
+    let about = About {
+        node: node.to_owned(),
+        settings: text.to_owned(),
+        lattice,
+        utc_at_zero_ns: utc.and_then(|utc| u64::try_from(utc.as_nanos()).ok()),
+    };
+    let defaults = Limits::default();
+    let segment_bytes = defaults.segment_bytes.min(cap_bytes / 8);
+    let limits = Limits { cap_bytes, segment_bytes, ..defaults };
+    Some(Recorder::start(state_dir.join("flight"), about, limits))
+}
+
+/// Tells whether the recording is in order.
+pub(super) fn watch_recorder(recorder: Option<&Recorder>, troubles: &Troubles) {
+    match recorder.and_then(Recorder::trouble) {
+        Some(trouble) => troubles.raise("recording", trouble),
+        None => troubles.clear("recording"),
+    }
+}
+
+fn outbox(file: &VehicleFile, state_dir: &StateDir, desks: Desks) -> std::io::Result<OutboxDriver> {
+    let settings = OutboxSettings {
+        path: state_dir.join("outbox.sqlite"),
+        vehicle: file.id,
+        boot: state_dir.boot(),
+        most_bytes: OUTBOX_BYTES,
+    };
+    OutboxDriver::start(settings, move |event| desks.tell(event))
+}
+
 fn link(file: &VehicleFile, state_dir: &StateDir, desks: Desks) -> std::io::Result<WorldLink> {
     let settings = LinkSettings {
         address: file.world.connect,
@@ -163,13 +222,26 @@ impl Edge {
         }
     }
 
+    fn watch_disk(&self, troubles: &Troubles) {
+        let health = self.outbox.health();
+        match health.trouble {
+            Some(trouble) => {
+                troubles.raise("outbox", format!("{trouble}; {} samples in memory", health.not_durable))
+            }
+            None => troubles.clear("outbox"),
+        }
+        if let Some(moved) = health.moved_aside {
+            troubles.raise("outbox file", moved);
+        }
+    }
+
     fn health(&self, settings: &Settings, state_dir: &StateDir, troubles: &Troubles) -> Health {
         Health {
             vehicle: settings.vehicle,
             boot: settings.boot,
             hears: lock(&self.last).hears.clone(),
             samples_waiting: 0,
-            samples_lost: 0,
+            samples_lost: self.outbox.health().overrun,
             inputs_dropped: self.desks.dropped(),
             disk_free_mb: state_dir.free_mb(),
             troubles: short(troubles.list()),

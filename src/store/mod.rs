@@ -4,11 +4,11 @@
 
 #![allow(clippy::disallowed_methods, reason = "the shell reads clocks and writes files")]
 
-pub mod recording;
 mod error;
 pub mod export;
 pub mod ground;
 pub mod outbox;
+pub mod recording;
 mod sample_row;
 
 pub use error::StoreError;

@@ -114,7 +114,7 @@ fn access(trust: &Trust, prefix: &str) -> Value {
             "permission": "allow",
             "flows": ["ingress"],
             "messages": ["put"],
-            "key_exprs": allowed.writes.iter().map(|key| format!("{prefix}/{key}")).collect::<Vec<String>>(),
+            "key_exprs": &allowed.writes,
         }));
         subjects.push(json!({ "id": name, "cert_common_names": [name] }));
         policies.push(json!({ "rules": ["listen", "send", format!("write-{name}")], "subjects": [name] }));

@@ -1,5 +1,7 @@
 //! What a store gives back: after a restart, and for exports. Changes nothing.
 
+use std::sync::Arc;
+
 use std::collections::BTreeMap;
 
 use rusqlite::{OptionalExtension, Row, params};
@@ -308,12 +310,14 @@ impl GroundStore {
 }
 
 fn tile(row: &Row) -> rusqlite::Result<TileReport> {
-    let cells: Vec<u8> = row.get(6)?;
+    let bytes: Vec<u8> = row.get(6)?;
+    // The query takes only tiles of the right length.
+    let cells = std::array::from_fn(|index| bytes.get(index).map_or(0, |byte| byte.cast_signed()));
     Ok(TileReport {
         layer: LayerId { vehicle: VehicleId(row.get(0)?), boot: Boot(row.get(1)?) },
         address: TileAddress { slice: row.get(2)?, x: row.get(3)?, y: row.get(4)? },
         revision: row.get(5)?,
-        cells: cells.into_iter().map(u8::cast_signed).collect(),
+        cells: Arc::new(cells),
     })
 }
 

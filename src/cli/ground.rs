@@ -1,0 +1,96 @@
+//! `tomoswarm ground CONFIG`: the ground station.
+
+use std::io::{IsTerminal, Write};
+use std::path::PathBuf;
+
+use super::describe::describe;
+use super::error::CliError;
+use super::stop::Stop;
+use super::vehicle::answer;
+use super::{logging, read};
+use crate::config::{self, Config, GroundFile};
+use crate::run::ground_process::{self, Status};
+
+/// Run the ground station: it gathers the data, plans the sweeps, and makes the images.
+///
+/// CONFIG is a file of kind "ground" (see configs/README.md; `tomoswarm enroll` writes one with certificates). Everything
+/// is kept in its state_dir: after a crash it goes on with the run where it was. A sweep begins when `tomoswarm order
+/// CONFIG start --run N` starts the vehicles. `tomoswarm export` takes the data out. Logs go to standard error.
+///
+/// Ctrl-C or SIGTERM ends it in order; vehicles go on with the plans they have, and keep what they measure.
+#[derive(clap::Args, Debug)]
+#[command(after_help = AFTER_HELP)]
+pub struct GroundArgs {
+    /// The ground station's file
+    #[arg(value_name = "CONFIG")]
+    pub config: PathBuf,
+    /// Only print what would be started
+    #[arg(long)]
+    pub check: bool,
+    /// Displace a ground station that gives orders already
+    #[arg(long)]
+    pub take_over: bool,
+    /// Log more
+    #[arg(long)]
+    pub verbose: bool,
+}
+
+const AFTER_HELP: &str = "\
+Examples:
+  tomoswarm ground ground.toml --check         what would be started, or everything that is wrong
+  tomoswarm ground ground.toml                 run it
+  tomoswarm preflight ground.toml              is everybody there and ready?
+  tomoswarm order ground.toml start --run 1    begin the sweep named 1
+
+Exit codes: 0 ended when asked; 1 a fault, start it anew; 2 bad usage, file or store, or refused: another venue, another
+version of the wire.";
+
+impl GroundArgs {
+    /// Runs the ground station until it is asked to stop.
+    ///
+    /// # Errors
+    /// Bad files, a store that cannot be used, a refusal, a fault.
+    pub fn run(&self, out: &mut dyn Write) -> Result<(), CliError> {
+        let name = read::shown(&self.config);
+        let text = read::text(&self.config)?;
+        let mut venue_text = String::new();
+        let mut around = read::around(&self.config);
+        // The only file that a ground station's file names is its venue.
+        let mut loader = |file: &str| {
+            let text = around(file)?;
+            venue_text.clone_from(&text);
+            Ok(text)
+        };
+        let mut file: GroundFile = config::read_ground(&name, &text, &mut loader)?;
+        file.take_over |= self.take_over;
+        if self.check {
+            let text = describe(&Config::Ground(Box::new(file)));
+            return write!(out, "{name}: {text}").map_err(CliError::stdout);
+        }
+        logging::begin(self.verbose);
+        let stop = Stop::listen();
+        let is_terminal = std::io::stderr().is_terminal();
+        let mut status = |status: &Status| {
+            if is_terminal {
+                line(status);
+            }
+        };
+        let finish = ground_process::run(&file, &text, &venue_text, &|| stop.is_asked(), &mut status);
+        answer(finish.map_err(|error| CliError::Usage(error.to_string()))?)
+    }
+}
+
+fn line(status: &Status) {
+    let doing = status.report.as_ref().map_or("listens".to_owned(), |report| {
+        let phase = format!("{:?}", report.phase).to_lowercase();
+        let (done, laps) = (report.laps_done, report.laps);
+        format!("{phase}, run {}, lap {done} of {laps}, {} samples", report.run, report.samples)
+    });
+    let troubles = if status.troubles.is_empty() {
+        String::new()
+    } else {
+        format!(", {} troubles", status.troubles.len())
+    };
+    // A status line that cannot be written is missed by nobody.
+    let _ = write!(std::io::stderr(), "\r\x1b[K{doing}, {} links{troubles}", status.links);
+}
