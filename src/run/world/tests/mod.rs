@@ -4,7 +4,7 @@
 mod sockets;
 mod virtual_time;
 
-use tomoswarm_proto::{Beacon, Boot, Message, VehicleId, codec};
+use tomoswarm_proto::{Beacon, Boot, Message, Progress, VehicleId, codec};
 
 use crate::config;
 use crate::geom::Point;
@@ -54,7 +54,7 @@ fn beacon(sender: VehicleId, sequence: u64) -> ToWorld {
         channel: 15,
         power_dbm: 0,
         members: Vec::new(),
-        progress: Default::default(),
+        progress: Progress { vehicle: sender, boot: Boot(1), ..Progress::default() },
     };
     ToWorld::Transmit(codec::encode(&Message::Beacon(beacon)).unwrap())
 }

@@ -21,10 +21,13 @@ fn joined() -> LiveWorld {
     world
 }
 
-/// Lets the world go on to a moment; gives what it says meanwhile.
+/// Lets the world go on to a moment, event by event as its thread does; gives what it says meanwhile.
 fn advance(world: &mut LiveWorld, to_s: f64) -> Vec<Said> {
-    let mut said = Vec::new();
-    world.advance(Time::from_secs_f64(to_s), &mut said);
+    let (mut said, to) = (Vec::new(), Time::from_secs_f64(to_s));
+    while world.next_at() <= to {
+        world.advance(world.next_at(), &mut said);
+    }
+    world.advance(to, &mut said);
     said
 }
 
