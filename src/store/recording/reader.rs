@@ -32,6 +32,9 @@ pub enum ReadError {
         /// Its length, bytes.
         offset: u64,
     },
+    /// It is compressed, as no recording of ours is.
+    #[error("is compressed with {0}; only recordings without compression are read")]
+    Compressed(String),
     /// What stands there makes no sense.
     #[error("is damaged before byte {offset}: {reason}")]
     Damaged {
@@ -98,6 +101,9 @@ impl<R: Read> Reader<R> {
                     return Err(ReadError::NotMcap);
                 }
                 Some(Err(McapError::UnexpectedEof)) => return Err(ReadError::Truncated { offset }),
+                Some(Err(McapError::UnsupportedCompression(name))) => {
+                    return Err(ReadError::Compressed(name));
+                }
                 Some(Err(error)) => return Err(damaged(words(&error))),
                 Some(Ok(LinearReadEvent::ReadRequest(wanted))) => {
                     let room = self.reader.insert(wanted.clamp(1, PIECE));

@@ -84,12 +84,13 @@ pub fn replay(path: &Path, only: Option<&str>, replayed: &mut Replayed) -> Resul
     let mut reader = Reader::new(file);
     let mut segment = Segment { path, only, is_known: false, actors: BTreeMap::new() };
     loop {
-        let offset = reader.offset();
         match reader.next_found() {
             Ok(None) => break,
-            Ok(Some(found)) => segment
-                .take(found, replayed)
-                .map_err(|reason| refused(format!("before byte {offset}: {reason}")))?,
+            Ok(Some(found)) => {
+                let offset = reader.offset();
+                let at = |reason: String| refused(format!("before byte {offset}: {reason}"));
+                segment.take(found, replayed).map_err(at)?;
+            }
             Err(error @ ReadError::Truncated { .. }) if segment.is_known => {
                 replayed.notes.push(format!("{}: {error}; replayed up to there", path.display()));
                 break;
