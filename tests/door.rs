@@ -1,5 +1,6 @@
 //! The operator's tools as programs, over loopback, against nodes that this test plays on the real bus.
 #![cfg(feature = "net")]
+#![allow(clippy::disallowed_methods, reason = "the nodes that are played speak in real time")]
 
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output, Stdio};
