@@ -58,6 +58,12 @@ impl Rover {
         self.follower = Follower::new(self.id, self.at, 0.5);
     }
 
+    fn switch_on(&mut self) {
+        if std::mem::take(&mut self.is_dead) {
+            self.restart();
+        }
+    }
+
     fn progress(&self) -> Progress {
         Progress { boot: self.boot, ..self.follower.progress() }
     }
@@ -611,11 +617,7 @@ impl Swarm {
             0 => self.rovers[rover].restart(),
             1 => self.rovers[rover].is_dead = true,
             2 => self.rovers[rover].is_cut = true,
-            3 | 4 => {
-                if std::mem::take(&mut self.rovers[rover].is_dead) {
-                    self.rovers[rover].restart();
-                }
-            }
+            3 | 4 => self.rovers[rover].switch_on(),
             5 | 6 => self.rovers[rover].is_cut = false,
             7 => order(self, RUN, OrderKind::Hold),
             8..11 => order(self, RUN, OrderKind::Start),
@@ -638,9 +640,7 @@ fn whatever_goes_wrong_afterwards_the_sweep_ends_and_no_sample_is_lost_or_double
         }
         for rover in &mut swarm.rovers {
             rover.is_cut = false;
-            if std::mem::take(&mut rover.is_dead) {
-                rover.restart();
-            }
+            rover.switch_on();
         }
         swarm.seconds(20);
         order(&mut swarm, RUN, OrderKind::Start);
