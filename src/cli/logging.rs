@@ -1,15 +1,25 @@
-//! What a live process tells about itself: log lines on standard error, for the terminal or the system's journal.
+//! What a live process tells about itself: log lines on standard error, for the terminal or the system's journal. Of the
+//! bus's library only errors are shown, unless more is asked for: who cannot be reached is told by ourselves.
 
 use std::io::IsTerminal;
 
+use tracing_subscriber::Layer;
+use tracing_subscriber::filter::{LevelFilter, Targets};
+use tracing_subscriber::layer::SubscriberExt;
+use tracing_subscriber::util::SubscriberInitExt;
+
 /// Begins to log; what another part of the process has begun already goes on.
 pub fn begin(is_verbose: bool) {
-    let level = if is_verbose { tracing::Level::DEBUG } else { tracing::Level::INFO };
-    let lines = tracing_subscriber::fmt()
+    let (own, others) = if is_verbose {
+        (LevelFilter::DEBUG, LevelFilter::INFO)
+    } else {
+        (LevelFilter::INFO, LevelFilter::ERROR)
+    };
+    let shown = Targets::new().with_target("tomoswarm", own).with_default(others);
+    let lines = tracing_subscriber::fmt::layer()
         .with_writer(std::io::stderr)
         .with_ansi(std::io::stderr().is_terminal())
-        .with_target(false)
-        .with_max_level(level);
+        .with_target(false);
     // Only a second beginning fails, and the first one serves.
-    let _ = lines.try_init();
+    let _ = tracing_subscriber::registry().with(lines.with_filter(shown)).try_init();
 }

@@ -12,8 +12,8 @@ use super::error::CliError;
 use super::read;
 use crate::config::{self, BusFile, Config, Endpoint, Protocol, Topology, Venue};
 use crate::run::bus::{BusError, BusSettings};
-use crate::run::membership;
 use crate::run::door::session::Session;
+use crate::run::membership;
 
 /// What a command knows before it hears anything.
 pub struct Door {

@@ -89,7 +89,7 @@ impl PreflightArgs {
             fence: door.venue.fence.clone(),
             homes: door.venue.homes.clone(),
             pose_sd_max_m: self.pose_sd_max,
-            software: env!("CARGO_PKG_VERSION").to_owned(),
+            software: crate::run::membership::SOFTWARE.to_owned(),
         }
     }
 }

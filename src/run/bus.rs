@@ -31,8 +31,10 @@ use crate::time::Time;
 
 /// Between two tries to open a session.
 const RETRY: Duration = Duration::from_millis(300);
-/// A session in which nobody is heard for this long is opened anew.
+/// A session in which somebody was heard, and then nobody for this long, is opened anew: its links may be half open.
 const DEAF_AFTER: Duration = Duration::from_secs(15);
+/// One in which nobody was ever heard gets this long: it is seeking its neighbours by itself.
+const ALONE_AFTER: Duration = Duration::from_secs(60);
 /// Bytes a second taken from one sender, and what it may have saved up.
 const INGRESS: (f64, f64) = (1e6, 2e6);
 /// A session that does not close within this time is left alone.
@@ -151,6 +153,8 @@ struct Shared {
     ear: Box<Ear>,
     /// When a frame was taken last, nanoseconds.
     heard_at: AtomicU64,
+    /// Whether any was taken in this session.
+    has_heard: AtomicBool,
     sent: AtomicU64,
     sent_bytes: AtomicU64,
     taken: AtomicU64,
@@ -191,6 +195,7 @@ impl Bus {
             ingress: Mutex::new(Ingress::default()),
             ear: Box::new(hear),
             heard_at: AtomicU64::new(clock.now().as_nanos()),
+            has_heard: AtomicBool::new(false),
             sent: AtomicU64::new(0),
             sent_bytes: AtomicU64::new(0),
             taken: AtomicU64::new(0),
@@ -318,6 +323,7 @@ impl Shared {
             declared.background().wait().map_err(|error| settings_error(&error))?;
         }
         self.heard_at.store(self.clock.now().as_nanos(), Ordering::Relaxed);
+        self.has_heard.store(false, Ordering::Relaxed);
         *self.session.write().unwrap_or_else(PoisonError::into_inner) = Some(session);
         Ok(())
     }
@@ -333,10 +339,7 @@ impl Shared {
                 }
                 self.troubles.clear("bus");
             } else if self.is_deaf() {
-                tracing::info!(
-                    "nothing heard on the bus for {} s: its session is opened anew",
-                    DEAF_AFTER.as_secs()
-                );
+                tracing::info!("nothing heard on the bus: its session is opened anew");
                 self.close_session();
                 continue;
             }
@@ -351,7 +354,8 @@ impl Shared {
 
     fn is_deaf(&self) -> bool {
         let heard_at = Time::from_nanos(self.heard_at.load(Ordering::Relaxed));
-        self.clock.now().since(heard_at) > DEAF_AFTER
+        let after = if self.has_heard.load(Ordering::Relaxed) { DEAF_AFTER } else { ALONE_AFTER };
+        self.clock.now().since(heard_at) > after
     }
 
     fn close_session(&self) {
@@ -423,6 +427,7 @@ impl Shared {
         match self.read(sender, key, bytes) {
             Ok(heard) => {
                 self.heard_at.store(now.as_nanos(), Ordering::Relaxed);
+                self.has_heard.store(true, Ordering::Relaxed);
                 self.taken.fetch_add(1, Ordering::Relaxed);
                 self.taken_bytes.fetch_add(bytes.len() as u64, Ordering::Relaxed);
                 (self.ear)(heard);

@@ -9,6 +9,9 @@ use super::state_dir::StateDir;
 use super::trust::{self, AccessRule, TrustError, Trusted};
 use crate::config::{BusFile, Endpoint, Topology as Named, Venue};
 
+/// Version of this software, as nodes say it of themselves.
+pub const SOFTWARE: &str = env!("CARGO_PKG_VERSION");
+
 /// The machine gave no random number, so that nothing can be told apart.
 #[derive(Debug, thiserror::Error)]
 #[error("the system gives no random numbers: {0}")]
@@ -79,7 +82,7 @@ pub fn greeting(node: Sender, boot: Boot, venue: &Venue, capabilities: &[&str]) 
         venue_hash: venue.hash(),
         instance: draw()?,
         is_member: false,
-        software: format!("tomoswarm {}", env!("CARGO_PKG_VERSION")),
+        software: SOFTWARE.to_owned(),
         capabilities: capabilities.iter().map(|word| (*word).to_owned()).collect(),
     })
 }
