@@ -82,7 +82,13 @@ impl Network {
     pub fn new(vehicles: usize, weather: Weather) -> Network {
         let settings = StationSettings {
             vehicles: (1..=vehicles as u8).map(VehicleId).collect(),
-            lease: Lease { number: 1, holder: 1 },
+            lease: Some(Lease { number: 1, holder: 1 }),
+            holder: 1,
+            take_over: false,
+            boot: Boot(1),
+            compare_with: None,
+            lost_after: Duration::from_secs(30),
+            autonomy: Duration::from_secs(60),
             store: 1,
             lattice: Lattice::new(0.2),
             bin_m: 0.2,

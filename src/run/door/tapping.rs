@@ -167,10 +167,15 @@ mod tests {
 
     #[test]
     fn tiles_are_counted_unless_their_cells_are_asked_for() {
-        let mut cells = vec![0; TILE_CELLS];
+        let mut cells = [0; TILE_CELLS];
         (cells[0], cells[1], cells[2]) = (9, -4, -4);
         let layer = LayerId { vehicle: VehicleId(1), boot: Boot(1) };
-        let tile = Message::Tile(TileReport { layer, address: TileAddress::default(), revision: 1, cells });
+        let tile = Message::Tile(TileReport {
+            layer,
+            address: TileAddress::default(),
+            revision: 1,
+            cells: std::sync::Arc::new(cells),
+        });
         let counted = line(&Tapping::default(), tile.clone()).unwrap();
         assert_eq!(counted["message"]["cells"], json!({"occupied": 1, "free": 2, "unknown": TILE_CELLS - 3}));
         let whole = line(&Tapping { with_cells: true, ..Tapping::default() }, tile).unwrap();

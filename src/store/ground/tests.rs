@@ -81,7 +81,7 @@ fn of_a_tile_the_highest_revision_is_kept_whatever_the_order() {
         layer: LayerId { vehicle: VehicleId(1), boot: Boot(1) },
         address: TileAddress { slice: -1, x, y: i32::MIN },
         revision,
-        cells: vec![value; TILE_CELLS],
+        cells: std::sync::Arc::new([value; TILE_CELLS]),
     };
     store.keep_tiles(&[tile(3, 7, -17), tile(-3, 1, 9)]).unwrap();
     store.keep_tiles(&[tile(3, 6, 1), tile(-3, u32::MAX, 17)]).unwrap();
