@@ -32,7 +32,7 @@ pub enum Effect {
 
 /// Whatever is said inside the ground station or at its edge.
 #[derive(Debug)]
-pub(super) enum Said {
+pub(crate) enum Said {
     Edge(Event),
     Station(station::Out),
     Planner(planner::Answer),
@@ -41,7 +41,7 @@ pub(super) enum Said {
 
 /// Where it goes.
 #[derive(Debug)]
-pub(super) enum To {
+pub(crate) enum To {
     Station(station::In),
     Planner(planner::Request),
     Imager(imager::Job),
@@ -49,7 +49,7 @@ pub(super) enum To {
 }
 
 /// Says where something goes.
-pub(super) fn route(said: Said, to: &mut Vec<To>) {
+pub(crate) fn route(said: Said, to: &mut Vec<To>) {
     to.push(match said {
         Said::Edge(Event::Bus(message)) => To::Station(station::In::Bus(message)),
         Said::Edge(Event::Operator(wish)) => To::Station(station::In::Wish(wish)),

@@ -56,7 +56,7 @@ pub enum Note {
 
 /// Whatever is said inside a vehicle or at its edge.
 #[derive(Debug)]
-pub(super) enum Said {
+pub(crate) enum Said {
     Edge(Event),
     Vehicle(vehicle::Out),
     Sensor(sensor::Out),
@@ -68,7 +68,7 @@ pub(super) enum Said {
 
 /// Where it goes.
 #[derive(Debug)]
-pub(super) enum To {
+pub(crate) enum To {
     Vehicle(vehicle::In),
     Sensor(sensor::In),
     Map(map::In),
@@ -79,7 +79,7 @@ pub(super) enum To {
 }
 
 /// Says where something goes; destinations are in the order in which they are told.
-pub(super) fn route(said: Said, to: &mut Vec<To>) {
+pub(crate) fn route(said: Said, to: &mut Vec<To>) {
     match said {
         Said::Edge(Event::Telemetry(telemetry)) => to.push(To::Vehicle(vehicle::In::Telemetry(telemetry))),
         Said::Edge(Event::Echo(echo)) => to.push(To::Sensor(sensor::In::Echo(echo))),
