@@ -3,8 +3,9 @@
 
 use std::fmt::Write;
 
-use crate::config::{Config, Planner, RandomPersons, SceneFile, Sim, Venue};
+use crate::config::{Config, Fault, FaultKind, Planner, RandomPersons, SceneFile, Sim, Venue};
 use crate::geom::Point;
+use crate::time::Time;
 
 /// Describes a configuration; ends in a line break.
 pub fn describe(config: &Config) -> String {
@@ -119,6 +120,7 @@ fn sim_lines(sim: &Sim) -> Vec<Line> {
     list.push(sweep_line(sim));
     list.extend(imaging_lines(sim));
     list.extend(end_lines(sim));
+    list.extend(sim.faults.iter().map(fault_line));
     list
 }
 
@@ -143,6 +145,10 @@ fn fleet_lines(sim: &Sim) -> Vec<Line> {
             ),
         ),
         ("pose", format!("deviation {} m over {} s", fleet.pose_sd_m, fleet.pose_correlation_s)),
+        (
+            "battery",
+            format!("lasts {:?} driving, {:?} at rest", fleet.endurance_driving, fleet.endurance_resting),
+        ),
     ]
 }
 
@@ -177,6 +183,15 @@ fn sensing_lines(sim: &Sim) -> Vec<Line> {
             format!(
                 "padding {} m, separation {} m, pose deviation up to {} m",
                 safety.padding_m, safety.separation_m, safety.pose_sd_max_m
+            ),
+        ),
+        (
+            "on its own",
+            format!(
+                "returns after {:?} without bus or below {} % of charge, stays below {} %",
+                safety.autonomy,
+                safety.battery_return * 100.0,
+                safety.battery_hold * 100.0
             ),
         ),
     ]
@@ -216,6 +231,20 @@ fn field_lines(sim: &Sim) -> Vec<Line> {
             ),
         ),
     ]
+}
+
+fn fault_line(fault: &Fault) -> Line {
+    let kind = match fault.kind {
+        FaultKind::Bus => "no bus".to_owned(),
+        FaultKind::Radio => "no radio".to_owned(),
+        FaultKind::Restart => "restart".to_owned(),
+        FaultKind::Dead => "software dead".to_owned(),
+        FaultKind::Sensor => "no range sensor".to_owned(),
+        FaultKind::Battery(charge) => format!("charge of {} %", charge * 100.0),
+    };
+    let until = if fault.until == Time::NEVER { String::new() } else { format!(" to {}", fault.until) };
+    let whom: Vec<String> = fault.vehicles.iter().map(ToString::to_string).collect();
+    ("fault", format!("{kind} from {}{until}, vehicles {}", fault.from, whom.join(" ")))
 }
 
 fn sweep_line(sim: &Sim) -> Line {
@@ -279,6 +308,7 @@ fn end_lines(sim: &Sim) -> Vec<Line> {
             ),
         ),
         ("end", format!("{:?} after at most {:?}; seed {}", sim.end, sim.until, sim.seed)),
+        ("expected", format!("{:?}", sim.expect).to_lowercase()),
     ]
 }
 

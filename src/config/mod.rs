@@ -11,6 +11,7 @@
 //! and does not place random persons.
 
 pub mod bundled;
+mod fault;
 mod mission;
 mod nearest;
 mod outline;
@@ -26,7 +27,8 @@ mod venue;
 use section::Section;
 use source::Source;
 
-pub use mission::{Durations, End, Imaging, Planner, Prior, Solver, Sweep, Weights};
+pub use fault::{Fault, FaultKind};
+pub use mission::{Durations, End, Expect, Imaging, Planner, Prior, Solver, Sweep, Weights};
 pub use problem::{Problem, Problems};
 pub use radio::{Bus, Partition, Radio};
 pub use scene::{Material, Object, Outline, Person, RandomPersons, SceneFile, Up};

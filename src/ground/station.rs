@@ -22,7 +22,8 @@ mod phases;
 use std::time::Duration;
 
 use tomoswarm_proto::{
-    LayerId, Lease, Message, OrderKind, RunId, Samples, StopId, TileAddress, TileReport, VehicleId, Want,
+    LayerId, Lease, Message, OrderKind, Plan, RunId, Samples, StopId, TileAddress, TileReport, VehicleId,
+    Want,
 };
 
 use super::fleet::Fleet;
@@ -295,7 +296,11 @@ impl Station {
 
     fn publish_plans(&mut self, now: Time, out: &mut Vec<Out>) {
         let plans = self.succession.iter().flat_map(Succession::plans);
-        out.extend(plans.map(|plan| Out::Publish(Message::Plan(plan.clone()))));
+        let stamped = |plan: &Plan| {
+            let (lease, seen_state) = (self.fleet.lease(), self.fleet.seen_state(plan.vehicle));
+            Out::Publish(Message::Plan(Plan { lease, seen_state, ..plan.clone() }))
+        };
+        out.extend(plans.map(stamped));
         self.plans_at = now;
     }
 

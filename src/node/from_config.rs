@@ -41,6 +41,9 @@ impl Settings {
                 padding_m: sim.safety.padding_m,
                 separation_m: sim.safety.separation_m,
                 pose_sd_max_m: sim.safety.pose_sd_max_m,
+                autonomy: sim.safety.autonomy,
+                battery_return: sim.safety.battery_return,
+                battery_hold: sim.safety.battery_hold,
             },
             path_time: sim.durations.route,
         }

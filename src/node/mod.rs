@@ -3,6 +3,7 @@
 //! Nothing here knows a device or a network. What reaches a vehicle from outside is an [`Event`],
 //! what it wants done outside is an [`Effect`]; drivers and the bus at the edge turn them into real things.
 
+mod ages;
 mod from_config;
 pub mod map;
 pub mod mission;

@@ -7,10 +7,11 @@
 //!  map ──Tiles──► bus                      bus ──peers' Tiles, Digest, Want──► map
 //!  radio driver ─Heard─► radio ──Sample──► outbox ──Samples──► bus
 //!  bus ──Plan, peers' State and Progress──► mission ──Progress──► radio (in beacons), bus
+//!  radio ──what peers' beacons tell──► mission, vehicle      bus ──whoever is heard──► mission
 //!  bus ──Order, peers' State──► vehicle ──Order (once accepted)──► mission
 //! ```
 
-use tomoswarm_proto::{Beacon, Message};
+use tomoswarm_proto::{Beacon, Message, Sender};
 
 use super::{map, mission, outbox, radio, sensor, vehicle};
 use crate::geom::Angle;
@@ -101,7 +102,10 @@ pub(crate) fn route(said: Said, to: &mut Vec<To>) {
         Said::Radio(radio::Out::Sample(run, sample)) => {
             to.push(To::Outbox(outbox::In::Sample((run, sample))));
         }
-        Said::Radio(radio::Out::Peer(progress)) => to.push(To::Mission(mission::In::Progress(progress))),
+        Said::Radio(radio::Out::Peer(sighting)) => {
+            to.push(To::Vehicle(vehicle::In::Sighted(sighting)));
+            to.push(To::Mission(mission::In::Sighted(sighting)));
+        }
         Said::Outbox(outbox::Out::Publish(samples)) => {
             to.push(To::Edge(Effect::Publish(Message::Samples(samples))));
         }
@@ -109,6 +113,7 @@ pub(crate) fn route(said: Said, to: &mut Vec<To>) {
 }
 
 fn route_message(message: Message, to: &mut Vec<To>) {
+    to.push(To::Mission(mission::In::Heard(message.author().unwrap_or(Sender::Operator))));
     match message {
         Message::State(state) => {
             to.push(To::Vehicle(vehicle::In::Peer(state.clone())));
@@ -150,7 +155,10 @@ fn route_vehicle(out: vehicle::Out, to: &mut Vec<To>) {
 
 fn route_mission(out: mission::Out, to: &mut Vec<To>) {
     match out {
-        mission::Out::Command(command) => to.push(To::Vehicle(vehicle::In::Command(command))),
+        mission::Out::Command(decided, command) => {
+            to.push(To::Vehicle(vehicle::In::Command(decided, command)));
+        }
+        mission::Out::Holds(holds) => to.push(To::Vehicle(vehicle::In::Holds(holds))),
         mission::Out::Accepted(run, revision) => {
             to.push(To::Vehicle(vehicle::In::Accepted(run, revision)));
         }

@@ -8,7 +8,7 @@ use tomoswarm_proto::{RunId, VehicleId};
 use super::Settings;
 use super::map::Map;
 use super::mission::Mission;
-use super::outbox::Outbox;
+use super::outbox::{self, Outbox};
 use super::radio::Radio;
 use super::route::{Effect, Event, Said, To, route};
 use super::sensor::Sensor;
@@ -27,6 +27,8 @@ pub struct VehicleNode {
     mission: Seat<Mission>,
     radio: Seat<Radio>,
     outbox: Seat<Outbox>,
+    /// What earlier starts have measured and the ground may not have yet: their disk outlives them.
+    earlier: Vec<Seat<Outbox>>,
     routed: Vec<To>,
 }
 
@@ -42,8 +44,16 @@ impl VehicleNode {
             mission: Seat::new(Mission::new(settings.clone())),
             radio: Seat::new(Radio::new(settings.clone())),
             outbox: Seat::new(Outbox::new(settings.vehicle, settings.boot)),
+            earlier: Vec::new(),
             routed: Vec::new(),
         }
+    }
+
+    /// Starts anew, with settings of a higher boot: only what was measured is kept.
+    pub fn restart(&mut self, settings: &Settings) {
+        let before = std::mem::replace(self, VehicleNode::new(settings));
+        self.earlier = before.earlier;
+        self.earlier.push(before.outbox);
     }
 
     /// Gives the vehicle's id.
@@ -73,7 +83,7 @@ impl VehicleNode {
             + self.map.dropped()
             + self.mission.dropped()
             + self.radio.dropped()
-            + self.outbox.dropped()
+            + self.outboxes().map(Seat::dropped).sum::<u64>()
     }
 
     /// Tells the vehicle something, and lets its actors act until all is quiet.
@@ -102,10 +112,14 @@ impl VehicleNode {
             self.map.deadline(),
             self.mission.deadline(),
             self.radio.deadline(),
-            self.outbox.deadline(),
         ]
         .into_iter()
+        .chain(self.outboxes().map(Seat::deadline))
         .fold(None, Deadline::earlier)
+    }
+
+    fn outboxes(&self) -> impl Iterator<Item = &Seat<Outbox>> {
+        self.earlier.iter().chain([&self.outbox])
     }
 
     fn settle(&mut self, now: Time, effects: &mut Vec<Effect>) -> Result<(), Fault> {
@@ -126,7 +140,12 @@ impl VehicleNode {
             To::Map(input) => self.map.push(input),
             To::Mission(input) => self.mission.push(input),
             To::Radio(input) => self.radio.push(input),
-            To::Outbox(input) => self.outbox.push(input),
+            To::Outbox(input) => {
+                if let outbox::In::Have(_) = input {
+                    self.earlier.iter_mut().for_each(|outbox| outbox.push(input.clone()));
+                }
+                self.outbox.push(input);
+            }
             To::Edge(effect) => effects.push(effect),
         }
     }
@@ -139,6 +158,9 @@ impl VehicleNode {
         self.map.act(now, |said| route(Said::Map(said), routed))?;
         self.mission.act(now, |said| route(Said::Mission(said), routed))?;
         self.radio.act(now, |said| route(Said::Radio(said), routed))?;
-        self.outbox.act(now, |said| route(Said::Outbox(said), routed))
+        for outbox in self.earlier.iter_mut().chain([&mut self.outbox]) {
+            outbox.act(now, |said| route(Said::Outbox(said), routed))?;
+        }
+        Ok(())
     }
 }

@@ -7,6 +7,7 @@
 //!     └───────────── simulated drivers (world), bus ◄────────────────────────────────────────────────────┘
 //! ```
 
+mod failing;
 mod journal;
 #[cfg(test)]
 mod rig;
@@ -19,6 +20,7 @@ use tomoswarm_proto::{Beacon, Message, VehicleId};
 
 use super::air::{Air, Fate};
 use super::bus::{Bus, NodeId, deliver, receivers};
+use super::faults::{Faults, Turn};
 use super::noise::{Noise, Purpose};
 use super::outcome::Recorder;
 use super::queue::EventQueue;
@@ -52,6 +54,7 @@ enum Event {
     Deliver { to: NodeId, frame: Arc<[u8]> },
     Touch(Touch),
     Script(Step),
+    Fault(Turn),
 }
 
 /// A node's alarm; a generation tells which of the queued wakes counts.
@@ -80,6 +83,9 @@ pub(super) struct Parts {
     pub world: World,
     pub bus: Bus,
     pub vehicles: Vec<VehicleNode>,
+    /// What each of them was told, to be told again when it restarts.
+    pub settings: Vec<node::Settings>,
+    pub faults: Faults,
     pub ground: GroundNode,
     pub script: Script,
     pub until: Time,
@@ -94,6 +100,9 @@ pub(super) struct Kernel {
     world: World,
     bus: Bus,
     vehicles: Vec<VehicleNode>,
+    settings: Vec<node::Settings>,
+    faults: Faults,
+    is_dead: Vec<bool>,
     ground: GroundNode,
     alarms: Vec<Alarm>,
     beams: Vec<Angle>,
@@ -119,6 +128,9 @@ impl Kernel {
             world: parts.world,
             bus: parts.bus,
             vehicles: parts.vehicles,
+            settings: parts.settings,
+            faults: parts.faults,
+            is_dead: vec![false; count],
             ground: parts.ground,
             alarms: vec![Alarm::default(); count + 1],
             beams: vec![Angle::default(); count],
@@ -144,6 +156,9 @@ impl Kernel {
         self.queue.push(Time::ZERO + TRACK_EVERY, Event::Track);
         let (after, first) = self.script.first();
         self.queue.push(Time::ZERO + after, Event::Script(first));
+        for (at, turn) in self.faults.turns() {
+            self.queue.push(at, Event::Fault(turn));
+        }
         for node in 0..self.alarms.len() {
             self.set_alarm(node);
         }
@@ -174,6 +189,7 @@ impl Kernel {
     pub fn into_parts(mut self) -> (Recorder, World, GroundNode, Bus, Time, f64) {
         self.log_holdings();
         self.record.sweep_done = self.script.is_sweep_done();
+        (self.record.alive, self.record.home, self.record.held) = self.muster();
         let separation_m = self.world.min_separation_m(self.now);
         let end = self.ended.unwrap_or(self.now);
         (self.record, self.world, self.ground, self.bus, end, separation_m)
@@ -220,6 +236,10 @@ impl Kernel {
                 Ok(())
             }
             Event::Script(step) => self.script(step),
+            Event::Fault(turn) => {
+                self.fail(turn);
+                Ok(())
+            }
         }
     }
 
@@ -239,7 +259,11 @@ impl Kernel {
         Ok(())
     }
 
+    /// Tells a vehicle something; one whose software does not run hears nothing.
     fn tell(&mut self, vehicle: usize, event: node::Event) -> Result<(), Fault> {
+        if self.is_dead[vehicle] {
+            return Ok(());
+        }
         self.vehicles[vehicle].tell(self.now, event, &mut self.vehicle_effects)?;
         self.carry_out(vehicle);
         self.set_alarm(vehicle);
@@ -301,12 +325,18 @@ impl Kernel {
     }
 
     fn ping(&mut self, vehicle: usize, number: u64) {
+        if self.faults.blind(self.now, self.vehicles[vehicle].id()) {
+            return;
+        }
         self.record.counts.scans += 1;
         let (range_m, takes) = self.world.echo(vehicle, self.now, self.beams[vehicle], number);
         self.queue.push(self.now + takes, Event::Echo { vehicle, echo: Echo { number, range_m } });
     }
 
     fn transmit(&mut self, vehicle: usize, beacon: Beacon) {
+        if self.faults.cut_radio(self.now, self.vehicles[vehicle].id()) {
+            return;
+        }
         let place = self.world.truth(vehicle, self.now).at;
         let Some((number, ends)) = self.air.begin(self.now, vehicle, place, beacon) else { return };
         self.queue.push(ends, Event::AirEnds { number });
@@ -322,6 +352,9 @@ impl Kernel {
             Fate::Unknown => return Ok(()),
         };
         for to in (0..self.vehicles.len()).filter(|to| *to != sent.from) {
+            if self.faults.cut_radio(self.now, self.vehicles[to].id()) {
+                continue;
+            }
             let Some(rssi_dbm) = self.world.received_dbm(&sent, to, self.now) else { continue };
             let Ok(Message::Beacon(beacon)) = deliver(&sent.frame) else { continue };
             self.record.counts.beacons_heard += 1;
@@ -352,7 +385,7 @@ impl Kernel {
             NodeId::Ground => self.tell_ground(ground::Event::Bus(message)),
             // In the simulation the scenario is the operator.
             NodeId::Operator => Ok(()),
-            NodeId::Vehicle(id) => match self.vehicles.iter().position(|vehicle| vehicle.id() == id) {
+            NodeId::Vehicle(id) => match self.index_of(id) {
                 Some(vehicle) => self.tell(vehicle, node::Event::Bus(message)),
                 None => Ok(()),
             },
@@ -366,7 +399,8 @@ impl Kernel {
             VehicleNote::Mission(remark) => {
                 self.log(&who, format_args!("{remark:?}"));
                 if matches!(remark, MissionRemark::Home) {
-                    let next = self.script.came_home();
+                    let (alive, home, _) = self.muster();
+                    let next = self.script.came_home(home, alive);
                     self.follow(next);
                 }
             }

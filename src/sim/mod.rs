@@ -4,6 +4,7 @@ mod air;
 pub mod body;
 pub mod bus;
 pub mod contact;
+mod faults;
 mod kernel;
 pub mod log;
 mod motion;
