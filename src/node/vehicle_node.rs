@@ -29,6 +29,8 @@ pub struct VehicleNode {
     outbox: Seat<Outbox>,
     /// What earlier starts have measured and the ground may not have yet: their disk outlives them.
     earlier: Vec<Seat<Outbox>>,
+    /// What they have measured, for [`VehicleNode::samples_made`].
+    radios: Vec<Radio>,
     routed: Vec<To>,
 }
 
@@ -45,6 +47,7 @@ impl VehicleNode {
             radio: Seat::new(Radio::new(settings.clone())),
             outbox: Seat::new(Outbox::new(settings.vehicle, settings.boot)),
             earlier: Vec::new(),
+            radios: Vec::new(),
             routed: Vec::new(),
         }
     }
@@ -52,7 +55,8 @@ impl VehicleNode {
     /// Starts anew, with settings of a higher boot: only what was measured is kept.
     pub fn restart(&mut self, settings: &Settings) {
         let before = std::mem::replace(self, VehicleNode::new(settings));
-        self.earlier = before.earlier;
+        (self.earlier, self.radios) = (before.earlier, before.radios);
+        self.radios.push(before.radio.actor().clone());
         self.earlier.push(before.outbox);
     }
 
@@ -71,9 +75,10 @@ impl VehicleNode {
         self.map.actor().merged()
     }
 
-    /// Gives how many samples of a run its radio has made.
+    /// Gives how many samples of a run its radio has made, over all starts.
     pub fn samples_made(&self, run: RunId) -> u64 {
-        self.radio.actor().samples_made(run)
+        let made = self.radios.iter().chain([self.radio.actor()]).map(|radio| radio.samples_made(run));
+        made.sum()
     }
 
     /// Tells how many inputs its actors have dropped unread, because they were too slow.

@@ -75,12 +75,21 @@ pub struct Script {
     expect: Expect,
     empty: Option<RunId>,
     sweep_done: bool,
+    /// Everybody was sent home.
+    is_returning: bool,
 }
 
 impl Script {
     /// Makes the script of a scenario; with a stage given a sweep comes first, before it is set.
     pub fn new(outside: Option<Stage>, end: End, expect: Expect) -> Script {
-        Script { outside: outside.map(Box::new), end, expect, empty: None, sweep_done: false }
+        Script {
+            outside: outside.map(Box::new),
+            end,
+            expect,
+            empty: None,
+            sweep_done: false,
+            is_returning: false,
+        }
     }
 
     /// Gives the first step.
@@ -107,7 +116,10 @@ impl Script {
                 (Act::Enter(self.outside.take()), Next::Step(ENTER_TAKES, Step::BeginMain))
             }
             Step::BeginMain => (Act::Sweep { run: RUN, empty: self.empty }, Next::Nothing),
-            Step::ReturnHome => (Act::ReturnHome, Next::Step(HOME_WITHIN, Step::GiveUpWaiting)),
+            Step::ReturnHome => {
+                self.is_returning = true;
+                (Act::ReturnHome, Next::Step(HOME_WITHIN, Step::GiveUpWaiting))
+            }
             Step::GiveUpWaiting => (Act::Fail("not everybody came home in time".to_owned()), Next::Nothing),
         }
     }
@@ -145,9 +157,11 @@ impl Script {
         }
     }
 
-    /// Gives what follows when a vehicle came home, of which so many are home now and so many could be.
+    /// Gives what follows when a vehicle came home, of which so many are home now and so many could be. Who came home
+    /// on their own may still be sent out again.
     pub fn came_home(&self, homes: usize, of: usize) -> Next {
-        if homes == of { Next::End } else { Next::Nothing }
+        let is_last = self.is_returning || self.expect == Expect::Home;
+        if is_last && homes == of { Next::End } else { Next::Nothing }
     }
 }
 
@@ -201,6 +215,8 @@ mod tests {
     #[test]
     fn the_run_ends_when_the_last_one_is_home_and_fails_when_nobody_gets_on() {
         let mut script = Script::new(None, End::Return, Expect::Finished);
+        assert_eq!(script.came_home(2, 2), Next::Nothing, "nobody was sent home");
+        script.step(Step::ReturnHome);
         assert_eq!(script.came_home(1, 2), Next::Nothing);
         assert_eq!(script.came_home(2, 2), Next::End);
         assert!(matches!(script.hear(&GroundNote::Stalled(RUN)), Next::Fail(_)));
