@@ -94,8 +94,8 @@ pub struct Pilot {
     commanded_at: Time,
     /// Unknown cells count as barred in the next search: looking did not help.
     looked: bool,
-    /// Peers that stand, and are planned around.
-    peers: Vec<Point>,
+    /// Peers that stand or are silent, each with the way that it claims: they are planned around.
+    peers: Vec<Vec<Point>>,
     /// What made the reflex halt lately, whether the map shows it or not.
     bumps: Vec<Bump>,
     /// A path was found, and nothing of it has been driven.
@@ -182,8 +182,8 @@ impl Pilot {
         self.halted(now);
     }
 
-    /// Takes where peers stand, to be planned around.
-    pub fn keep_clear_of(&mut self, peers: Vec<Point>) {
+    /// Takes what peers that stand or are silent claim, to be planned around.
+    pub fn keep_clear_of(&mut self, peers: Vec<Vec<Point>>) {
         self.peers = peers;
     }
 

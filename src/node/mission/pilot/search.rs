@@ -89,15 +89,17 @@ impl Pilot {
         let edge_m = fence.distance_to_edge(pose.at).min(fence.distance_to_edge(goal)) - cell_m;
         let fence_m = self.half_width_m(pose).min(edge_m).max(radius_m);
         grid.close_where(|place| !fence.contains_disc(place, fence_m));
-        let mut keep = |at: Point, keep_m: f64| {
-            let keep_m = (keep_m + cell_m).min(at.distance_to(pose.at) - cell_m);
-            grid.close_within(Segment::new(at, at), keep_m);
+        let mut keep = |claim: Segment, keep_m: f64| {
+            let keep_m = (keep_m + cell_m).min(claim.distance_to_point(pose.at) - cell_m);
+            grid.close_within(claim, keep_m);
         };
-        for peer in &self.peers {
-            keep(*peer, self.settings.safety.separation_m);
+        for claim in &self.peers {
+            let separation_m = self.settings.safety.separation_m;
+            claim.first().iter().for_each(|at| keep(Segment::new(**at, **at), separation_m));
+            claim.windows(2).for_each(|pair| keep(Segment::new(pair[0], pair[1]), separation_m));
         }
         for bump in self.bumps.iter().filter(|bump| bump.until > now) {
-            keep(bump.at, bump.keep_m);
+            keep(Segment::new(bump.at, bump.at), bump.keep_m);
         }
     }
 }
