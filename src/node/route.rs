@@ -66,6 +66,8 @@ pub enum Effect {
         /// The place; `None` = from the beginning.
         after: Option<outbox::Place>,
     },
+    /// How the outbox fares, for the operator.
+    Tally(outbox::Tally),
     /// Something worth a line in the log.
     Note(Note),
 }
@@ -144,6 +146,7 @@ fn outbox_effect(out: outbox::Out) -> Effect {
         outbox::Out::Publish(samples) => Effect::Publish(Message::Samples(samples)),
         outbox::Out::Forget { boot, run, below } => Effect::Forget { boot, run, below },
         outbox::Out::Recall { after } => Effect::Recall { after },
+        outbox::Out::Tally(tally) => Effect::Tally(tally),
     }
 }
 

@@ -319,6 +319,7 @@ impl Kernel {
                 return Some(node::Event::Recalled(self.disks[vehicle].recall(after)));
             }
             node::Effect::Forget { boot, run, below } => self.disks[vehicle].forget(boot, run, below),
+            node::Effect::Tally(_) => {}
         }
         None
     }

@@ -46,9 +46,32 @@ fn a_vehicle_that_restarts_is_planned_for_anew_and_no_sample_is_lost() {
 }
 
 #[test]
+fn the_others_end_the_sweep_of_a_vehicle_that_is_lost() {
+    for seed in 1..4 {
+        let outcome = place(3, "until_s = 3000.0", &fault("dead", "vehicles = [2]")).seed(seed).run_safely();
+        assert!(outcome.log.contains("Lost(VehicleId(2))"), "{}", crate::place::tail(&outcome.log));
+        assert!(outcome.finished, "{:?}: {}", outcome.failure, crate::place::tail(&outcome.log));
+    }
+}
+
+#[test]
+fn a_vehicle_that_comes_back_gets_work_again() {
+    let outcome =
+        place(3, "until_s = 3000.0", &fault("restart", "until_s = 190.0\nvehicles = [2]")).run_to_the_end();
+    let log = &outcome.log;
+    assert!(
+        log.contains("Lost(VehicleId(2))") && log.contains("Found(VehicleId(2))"),
+        "{}",
+        crate::place::tail(log)
+    );
+    let back = log.split("its software starts, boot 2").nth(1).unwrap_or_default();
+    assert!(back.contains("vehicle 2 Done("), "it does stops again");
+    assert_settled(&outcome);
+}
+
+#[test]
 fn nobody_touches_a_vehicle_that_is_dead_blind_or_goes_home_with_an_empty_battery() {
     let dead = place(3, "until_s = 400.0", &fault("dead", "vehicles = [2]")).run_safely();
-    assert!(!dead.finished);
     assert!(dead.log.contains("Silent(VehicleId(2))"));
     place(3, "until_s = 400.0", &fault("sensor", "vehicles = [1]")).run_safely();
     let low = place(3, "until_s = 400.0", &fault("battery", "charge = 0.15\nvehicles = [1]")).run_safely();

@@ -218,7 +218,7 @@ impl Rig {
                 }
                 Effect::Note(note) => self.notes.push(note),
                 Effect::Transmit(_) | Effect::Publish(_) => {}
-                Effect::Keep(..) | Effect::Forget { .. } | Effect::Recall { .. } => {}
+                Effect::Keep(..) | Effect::Forget { .. } | Effect::Recall { .. } | Effect::Tally(_) => {}
             }
         }
     }
