@@ -103,7 +103,7 @@ fn tile_latency() {
     let (here, there) = (free_endpoint(), free_endpoint());
     let (joined, by_map) = channel();
     let (office, _ended) = office();
-    let desk: Desk<map::In> = Desk::new("map");
+    let desk: Desk<map::In> = Desk::shared("map");
     let settings = settings(2);
     let say = move |out| {
         if let map::Out::Tiles(_) = out {
@@ -226,7 +226,7 @@ fn keep_busy(
         }
         (searches, 0)
     };
-    let desk: Desk<map::In> = Desk::new("map");
+    let desk: Desk<map::In> = Desk::shared("map");
     let own = settings.clone();
     seat(office, &desk, Post::Vital, None, move || Ok(Map::new(own.clone())), |_| {}).unwrap();
     let over = is_over.clone();

@@ -173,7 +173,7 @@ struct Mapper {
 }
 
 fn mapper(id: u8, listen: SocketAddr, connect: Vec<SocketAddr>) -> Mapper {
-    let desk: Desk<map::In> = Desk::new("map");
+    let desk: Desk<map::In> = Desk::shared("map");
     let to_map = desk.clone();
     let hear = move |heard| match heard {
         Heard::Message(_, Message::Tile(report)) => to_map.tell(map::In::Tile(report)),
