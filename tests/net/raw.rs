@@ -51,7 +51,7 @@ impl Stranger {
             "listen": { "endpoints": listen.iter().map(endpoint).collect::<Vec<_>>() },
             "connect": {
                 "endpoints": connect.iter().map(endpoint).collect::<Vec<_>>(),
-                "timeout_ms": if mode == "peer" { 0 } else { 3000 },
+                "timeout_ms": if mode == "peer" { -1 } else { 3000 },
                 "exit_on_failure": mode != "peer",
             },
             "scouting": { "delay": 1, "multicast": { "enabled": false }, "gossip": { "enabled": false } },

@@ -251,7 +251,8 @@ impl Swarm {
 
     fn write_files(&self) {
         let Size { vehicles, laps, .. } = self.size;
-        let sweep = format!("[sweep]\npositions = 16\nlaps = {laps}\n");
+        let positions = self.positions();
+        let sweep = format!("[sweep]\npositions = {positions}\nlaps = {laps}\n");
         self.write("venue.toml", VENUE);
         self.write("scene.toml", SCENE);
         let body = BODY;
@@ -295,11 +296,17 @@ impl Swarm {
         )
     }
 
+    /// Gives the smallest ring that is allowed.
+    fn positions(&self) -> u32 {
+        if self.size.vehicles > 3 { 20 } else { 16 }
+    }
+
     /// Gives the file of a ground station.
     pub fn ground_text(&self, state_dir: &str, bus: &str) -> String {
         let ids: Vec<String> = (1..=self.size.vehicles).map(|id| id.to_string()).collect();
+        let positions = self.positions();
         format!(
-            "kind = \"ground\"\nvenue = \"venue.toml\"\nvehicles = [{}]\nstate_dir = \"{state_dir}\"\nlost_after_s = 8\n[sweep]\npositions = 16\nlaps = {}\n{bus}",
+            "kind = \"ground\"\nvenue = \"venue.toml\"\nvehicles = [{}]\nstate_dir = \"{state_dir}\"\nlost_after_s = 8\n[sweep]\npositions = {positions}\nlaps = {}\n{bus}",
             ids.join(", "),
             self.size.laps
         )
@@ -429,7 +436,13 @@ impl Swarm {
     /// Waits until the maps of all nodes are equal.
     pub fn until_maps_equal(&self, limit_s: u64) {
         let nodes: BTreeSet<Sender> = self.addresses.keys().copied().collect();
-        self.until("all maps are equal", limit_s, |watch| watch.agree(&nodes));
+        let began = Instant::now();
+        while !self.look(|watch| watch.agree(&nodes)) {
+            let held = || self.look(|watch| format!("{:?}", watch.digests));
+            assert!(began.elapsed() < Duration::from_secs(limit_s), "maps differ: {}", held());
+            std::thread::sleep(Duration::from_millis(50));
+        }
+        self.note(&format!("all maps are equal, after {:.1} s", began.elapsed().as_secs_f64()));
     }
 
     /// Checks what every scenario claims: the sweep ends, maps are equal, no collision, bounded memory, an end in order,
