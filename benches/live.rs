@@ -50,6 +50,7 @@ fn bus(id: u8, listen: &str, connect: &[String], hear: impl Fn(Heard) + Send + S
         trust: None,
         lease: Duration::from_secs(3),
         egress_bytes_per_s: 100_000_000,
+        gossip: true,
     };
     let bus = Bus::open(settings, Clock::start(), Troubles::default(), hear).unwrap();
     bus.mouth().speak();
