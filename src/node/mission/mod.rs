@@ -590,4 +590,6 @@ impl Input for In {
 #[cfg(test)]
 mod autonomy_tests;
 #[cfg(test)]
+mod returning_tests;
+#[cfg(test)]
 mod tests;
