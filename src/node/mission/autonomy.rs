@@ -14,6 +14,7 @@ use std::time::Duration;
 
 use tomoswarm_proto::{Plan, Sender, VehicleId};
 
+use super::returning::Line;
 use super::{Mission, Out, Remark, Standing, Wanted};
 use crate::node::peers::SILENT_AFTER;
 use crate::time::Time;
@@ -128,7 +129,7 @@ impl Mission {
 
     /// Stops, and does from now on what nobody has ordered.
     fn decide(&mut self, now: Time, wanted: Wanted, cause: Cause, out: &mut Vec<Out>) {
-        (self.wanted, self.own) = (wanted, Some(cause));
+        (self.wanted, self.own, self.line) = (wanted, Some(cause), Line::default());
         self.stop(now, out);
         out.push(Out::Remark(Remark::Decides(cause, self.standing())));
     }

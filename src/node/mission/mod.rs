@@ -35,6 +35,7 @@ use tomoswarm_proto::{
 
 use self::autonomy::Links;
 use self::pilot::{Met, Pilot};
+use self::returning::Line;
 use super::Settings;
 use super::ages::Ages;
 use super::peers::{Peer, Peers, join_states};
@@ -179,6 +180,7 @@ pub struct Mission {
     follower: Option<Follower>,
     pilot: Pilot,
     wanted: Wanted,
+    line: Line,
     /// Why it wants that, unless it was ordered.
     own: Option<Cause>,
     links: Links,
@@ -213,6 +215,7 @@ impl Mission {
             state: None,
             follower: None,
             wanted: Wanted::Waiting,
+            line: Line::default(),
             own: None,
             links: Links::default(),
             is_battery_low: false,
@@ -328,6 +331,7 @@ impl Mission {
                 if failures >= FAILURES_MAX {
                     self.give_up_stop(now, out);
                 }
+                self.finds_no_way_home(now, failures);
                 Remark::NoPath(failures)
             }
         };
@@ -400,7 +404,7 @@ impl Mission {
 
     fn order(&mut self, now: Time, order: Order, out: &mut Vec<Out>) {
         self.lease = self.lease.max(order.lease);
-        self.own = None;
+        (self.own, self.line) = (None, Line::default());
         match order.kind {
             OrderKind::Start if self.wanted == Wanted::Home && self.is_battery_low => {}
             OrderKind::Start => {
@@ -585,5 +589,7 @@ impl Input for In {
 
 #[cfg(test)]
 mod autonomy_tests;
+#[cfg(test)]
+mod returning_tests;
 #[cfg(test)]
 mod tests;
