@@ -15,8 +15,8 @@ use super::window::{CellRect, Sums, View};
 use super::{Layer, OCCUPIED_FROM};
 use crate::geom::{Cell, Lattice};
 
-/// A map holds at most this many layers; more are refused.
-pub const MAX_LAYERS: usize = 1024;
+/// A map holds at most this many layers, as many as a digest may name; more are refused.
+pub const MAX_LAYERS: usize = 256;
 /// A map holds at most this many tiles over all layers; more are refused.
 pub const MAX_TILES: usize = 65_536;
 

@@ -35,8 +35,9 @@ const RETRY: Duration = Duration::from_millis(300);
 const DEAF_AFTER: Duration = Duration::from_secs(15);
 /// One in which nobody was ever heard gets this long: it is seeking its neighbours by itself.
 const ALONE_AFTER: Duration = Duration::from_secs(60);
-/// Bytes a second taken from one sender, and what it may have saved up.
-const INGRESS: (f64, f64) = (1e6, 2e6);
+/// So many times what this node may send is taken from each of the others, and saved up for so many seconds.
+const INGRESS_SHARE: f64 = 4.0;
+const INGRESS_SAVED_S: f64 = 4.0;
 /// A session that does not close within this time is left alone.
 const CLOSES_WITHIN: Duration = Duration::from_secs(1);
 
@@ -420,7 +421,8 @@ impl Shared {
             return self.refuse(None, "a key of no sender", &full_key);
         };
         let share = |ingress: &mut Ingress| {
-            let fresh = || Allowance::new(INGRESS.0, INGRESS.1);
+            let per_s = INGRESS_SHARE * f64::from(self.settings.egress_bytes_per_s);
+            let fresh = || Allowance::new(per_s, INGRESS_SAVED_S * per_s);
             ingress.allowances.entry(sender).or_insert_with(fresh).spend(now, bytes.len())
         };
         if !share(&mut lock(&self.ingress)) {

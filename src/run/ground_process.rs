@@ -5,7 +5,7 @@
 //! the station needs after a restart is stored before what follows from it is published. A store in trouble stops
 //! nothing: samples are not acknowledged meanwhile, so the vehicles keep them.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, sync_channel};
 use std::sync::{Arc, Mutex};
@@ -121,8 +121,13 @@ pub fn run(
     let (to_store, wanted) = sync_channel(QUEUE);
     let told = desks.clone();
     let by_bus = to_store.clone();
-    let mut herald =
-        process.join(bus, hello, move |sender, message| take(&told, &by_bus, sender, message))?;
+    let own: BTreeSet<VehicleId> = file.vehicles.iter().copied().collect();
+    let hear = move |sender, message| {
+        if is_of_swarm(&own, sender, &message) {
+            take(&told, &by_bus, sender, message);
+        }
+    };
+    let mut herald = process.join(bus, hello, hear)?;
     let troubles = process.office().troubles.clone();
     let edge = Arc::new(Edge {
         mouth: herald.mouth(),
@@ -203,6 +208,16 @@ fn resume(settings: station::StationSettings, restored: Restored) -> Station {
         let _ = station.handle(Time::ZERO, station::In::Bus(message), &mut Vec::new());
     }
     station
+}
+
+/// Tells whether a message is by and about vehicles that the file names: of others nothing is kept.
+fn is_of_swarm(own: &BTreeSet<VehicleId>, sender: Sender, message: &Message) -> bool {
+    let is_own = match sender {
+        Sender::Vehicle(vehicle) => own.contains(&vehicle),
+        Sender::Ground | Sender::Operator => true,
+    };
+    let about = if let Message::Tile(tile) = message { Some(tile.layer.vehicle) } else { None };
+    is_own && about.is_none_or(|vehicle| own.contains(&vehicle))
 }
 
 /// Takes a message from the bus: samples and what else is stored first go to the store.

@@ -3,8 +3,10 @@
 #![allow(clippy::disallowed_methods, reason = "processes and sockets live in real time")]
 
 mod certificates;
+mod clocks;
 mod deaths;
 mod door;
+mod grounds;
 mod member;
 mod partitions;
 mod raw;

@@ -86,7 +86,6 @@ pub struct Size {
 pub struct Watch {
     pub roll: Roll,
     pub digests: BTreeMap<Sender, (Instant, Digest)>,
-    pub reports: Vec<Report>,
     samples: BTreeMap<(VehicleId, Boot, RunId), BTreeMap<u64, Sample>>,
 }
 
@@ -98,7 +97,6 @@ impl Watch {
             Message::Digest(digest) => {
                 self.digests.insert(*sender, (Instant::now(), digest.clone()));
             }
-            Message::Report(report) => self.reports.push(report.clone()),
             Message::Samples(batch) => {
                 let known = self.samples.entry((batch.vehicle, batch.boot, batch.run)).or_default();
                 known.extend(batch.samples.iter().map(|sample| (sample.sequence, *sample)));
@@ -107,18 +105,21 @@ impl Watch {
         }
     }
 
-    /// Gives the newest report of a ground station.
+    /// Gives the newest report of the ground station with the greatest lease.
     pub fn report(&self) -> Report {
-        self.reports.last().cloned().unwrap_or_default()
+        let all = self.roll.grounds().map(|report| &report.said);
+        all.max_by_key(|report| report.lease).cloned().unwrap_or_default()
     }
 
     /// Tells whether run 1 was driven to its end and closed.
     pub fn has_ended(&self) -> bool {
         let report = self.report();
-        report.phase == StationPhase::Idle
-            && report.run == RunId(1)
-            && report.laps > 0
-            && report.laps_done == report.laps
+        report.run == RunId(1) && self.ends(&report)
+    }
+
+    /// Tells whether by a report a run was driven to its end and closed.
+    pub fn ends(&self, report: &Report) -> bool {
+        report.phase == StationPhase::Idle && report.laps > 0 && report.laps_done == report.laps
     }
 
     /// Gives how many samples were heard of one start of a vehicle.
@@ -140,6 +141,7 @@ impl Watch {
 /// A process of the swarm.
 struct Node {
     arguments: Vec<String>,
+    preload: Option<PathBuf>,
     log: PathBuf,
     child: Option<Child>,
 }
@@ -149,6 +151,9 @@ impl Node {
         let out = || log(&self.log);
         let mut program = Command::new(PROGRAM);
         program.args(&self.arguments).current_dir(folder).stdin(Stdio::null()).stdout(out()).stderr(out());
+        if let Some(library) = &self.preload {
+            program.env("LD_PRELOAD", library);
+        }
         self.child = Some(program.spawn().unwrap());
     }
 
@@ -191,6 +196,7 @@ pub struct Swarm {
     processes: BTreeMap<String, Node>,
     watch: Arc<Mutex<Watch>>,
     operator: Option<Bus>,
+    preloads: BTreeMap<String, PathBuf>,
     began: Instant,
     _place: Place,
 }
@@ -198,6 +204,13 @@ pub struct Swarm {
 impl Swarm {
     /// Writes the files and starts the world, the vehicles, the ground station and the operator.
     pub fn start(size: Size) -> Swarm {
+        let mut swarm = Swarm::prepare(size);
+        swarm.run();
+        swarm
+    }
+
+    /// Writes the files.
+    pub fn prepare(size: Size) -> Swarm {
         let place = Place::take();
         let nodes: Vec<Sender> = [GROUND].into_iter().chain((1..=size.vehicles).map(vehicle)).collect();
         let mut swarm = Swarm {
@@ -209,6 +222,7 @@ impl Swarm {
             processes: BTreeMap::new(),
             watch: Arc::default(),
             operator: None,
+            preloads: BTreeMap::new(),
             began: Instant::now(),
             _place: place,
         };
@@ -216,16 +230,45 @@ impl Swarm {
             swarm.relay_all(&nodes);
         }
         swarm.write_files();
-        let world = swarm.world.to_string();
-        swarm.spawn("world", &["world", "sim.toml", "--listen", &world, "--token", TOKEN]);
-        for node in nodes {
-            swarm.spawn_node(node);
-        }
-        let (watch, clock) = (swarm.watch.clone(), Clock::start());
-        let hear = move |heard: Heard| watch.lock().unwrap().hear(clock, &heard);
-        let operator = settings(&swarm.path("operator.toml"));
-        swarm.operator = Some(Bus::open(operator, clock, Troubles::default(), hear).unwrap());
         swarm
+    }
+
+    /// Starts the world, the vehicles, the ground station and the operator.
+    pub fn run(&mut self) {
+        let world = self.world.to_string();
+        self.spawn("world", &["world", "sim.toml", "--listen", &world, "--token", TOKEN]);
+        let nodes: Vec<Sender> = self.addresses.keys().copied().collect();
+        for node in nodes {
+            self.spawn_node(node);
+        }
+        let (watch, clock) = (self.watch.clone(), Clock::start());
+        let hear = move |heard: Heard| watch.lock().unwrap().hear(clock, &heard);
+        let operator = settings(&self.path("operator.toml"));
+        self.operator = Some(Bus::open(operator, clock, Troubles::default(), hear).unwrap());
+    }
+
+    /// Gives every node its certificate; from then on all endpoints are TLS.
+    pub fn enroll(&self) {
+        let nodes = self.addresses.keys().copied().chain([Sender::Operator]);
+        for node in nodes {
+            let name = Swarm::name(node);
+            let mut program = Command::new(PROGRAM);
+            program.args(["enroll", "swarm", "--venue", "venue.toml", "--state-dir", "state"]);
+            let run = program.args(name.split('-')).current_dir(self.folder.path()).output().unwrap();
+            assert!(run.status.success(), "{}", String::from_utf8_lossy(&run.stderr));
+            let file = format!("{name}.toml");
+            let plain = std::fs::read_to_string(self.path(&file)).unwrap();
+            let own = ["ca.pem", "certificate.pem", "key.pem", "roster.txt"].map(|own| {
+                let key = own.split('.').next().unwrap();
+                format!("{key} = \"swarm/{name}/{own}\"\n")
+            });
+            self.write(&file, &(plain.replace("tcp/", "tls/") + &own.concat()));
+        }
+    }
+
+    /// Lets a node's processes load a library before all others.
+    pub fn preload(&mut self, node: Sender, library: &Path) {
+        self.preloads.insert(Swarm::name(node), library.to_owned());
     }
 
     /// The later node of each pair connects to the earlier one.
@@ -266,7 +309,7 @@ impl Swarm {
         }
         self.write("ground.toml", &self.ground_text("state-g", &self.bus_lines(GROUND)));
         let all: Vec<String> = self.addresses.values().map(|at| format!("\"tcp/{at}\"")).collect();
-        let bus = format!("[bus]\nconnect = [{}]\ngossip = false\n", all.join(", "));
+        let bus = format!("[bus]\nconnect = [{}]\ngossip = {}\n", all.join(", "), !self.size.relayed);
         self.write("operator.toml", &format!("kind = \"operator\"\nvenue = \"venue.toml\"\n{bus}"));
     }
 
@@ -324,7 +367,7 @@ impl Swarm {
     pub fn spawn(&mut self, name: &str, arguments: &[&str]) {
         let log = self.path(&format!("{name}.log"));
         let arguments = arguments.iter().map(|word| (*word).to_owned()).collect();
-        let mut node = Node { arguments, log, child: None };
+        let mut node = Node { arguments, preload: self.preloads.get(name).cloned(), log, child: None };
         node.start(self.folder.path());
         self.processes.insert(name.to_owned(), node);
     }
@@ -410,7 +453,7 @@ impl Swarm {
     pub fn begin(&self) {
         self.until("all are there", 20, |watch| {
             let all = (1..=self.size.vehicles).all(|id| watch.roll.state(VehicleId(id)).is_some());
-            all && !watch.reports.is_empty()
+            all && watch.roll.grounds().next().is_some()
         });
         self.order(&["start", "--run", "1"]);
         self.until("the sweep runs", 60, |watch| watch.report().phase == StationPhase::Running);
@@ -430,7 +473,7 @@ impl Swarm {
 
     /// Waits until the sweep has ended.
     pub fn until_end(&self) {
-        self.until("the sweep has ended", 150, Watch::has_ended);
+        self.until("the sweep has ended", 120, Watch::has_ended);
     }
 
     /// Waits until the maps of all nodes are equal.
@@ -462,10 +505,10 @@ impl Swarm {
         let status = WorldControl::connect(self.world, TOKEN).unwrap().report().unwrap();
         assert_eq!((status.collision_count, status.fence_breaches), (0, 0), "{:?}", status.collisions);
         self.end_in_order();
-        self.check_samples("state-g");
+        self.check_samples("state-g", RunId(1));
     }
 
-    fn end_in_order(&mut self) {
+    pub fn end_in_order(&mut self) {
         let is_node = |name: &&String| name.starts_with("vehicle") || name.starts_with("ground");
         let names: Vec<String> = self.processes.keys().filter(is_node).cloned().collect();
         for name in &names {
@@ -483,8 +526,9 @@ impl Swarm {
         }
     }
 
-    /// Checks that a store has every sample that was ever said, as it was said, and no sequence has a gap.
-    pub fn check_samples(&self, state_dir: &str) {
+    /// Checks that a store has every sample that was ever said, as it was said, that no sequence has a gap, and that the
+    /// run is closed.
+    pub fn check_samples(&self, state_dir: &str, run: RunId) {
         let store = GroundStore::open_to_read(&self.path(state_dir).join("ground.sqlite")).unwrap();
         let mut stored: BTreeMap<_, BTreeMap<u64, Sample>> = BTreeMap::new();
         let mut count = 0;
@@ -514,8 +558,8 @@ impl Swarm {
         let vehicles: BTreeSet<VehicleId> = stored.keys().map(|(vehicle, _, _)| *vehicle).collect();
         assert_eq!(vehicles.len(), usize::from(self.size.vehicles), "somebody measured nothing");
         let runs = store.runs().unwrap();
-        assert!(runs.iter().any(|run| run.run == RunId(1) && run.closed_utc_s.is_some()), "{runs:?}");
-        self.note(&format!("{count} samples stored, of {} starts", stored.len()));
+        assert!(runs.iter().any(|stored| stored.run == run && stored.closed_utc_s.is_some()), "{runs:?}");
+        self.note(&format!("{count} samples stored, of {} starts and runs", stored.len()));
     }
 }
 
