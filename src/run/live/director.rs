@@ -329,8 +329,12 @@ impl Director {
         let Ok(status) = self.control.report() else { return };
         let known = self.diary.world.collision_count;
         let world = std::mem::replace(&mut self.diary.world, status);
-        let new: Vec<String> = self.diary.world.collisions[world.collisions.len()..]
+        let new: Vec<String> = self
+            .diary
+            .world
+            .collisions
             .iter()
+            .skip(world.collisions.len())
             .map(|contact| {
                 let with = contact.with.map_or("the scene".to_owned(), |peer| format!("vehicle {peer}"));
                 let (place, vehicle) = (contact.place, contact.vehicle);

@@ -263,7 +263,10 @@ mod tests {
                     Settings::from_vehicle_file(&file, Boot(1)),
                     Settings::from_config(&sim, id, Boot(1), file.home),
                 );
-                assert_eq!((told.body, told.radio, told.safety), (expected.body, expected.radio, expected.safety));
+                assert_eq!(
+                    (told.body, told.radio, told.safety),
+                    (expected.body, expected.radio, expected.safety)
+                );
                 assert_eq!((told.fence, told.lattice), (expected.fence, expected.lattice));
                 let (found, wanted) = (&told.look, &expected.look);
                 let near = |a: Angle, b: Angle| (a.radians() - b.radians()).abs() < 1e-9;
@@ -272,7 +275,13 @@ mod tests {
                 assert!(near(found.half_angle, wanted.half_angle));
                 assert_eq!(
                     (found.min_range_m, found.max_range_m, found.sure_range_m, found.period, found.settle),
-                    (wanted.min_range_m, wanted.max_range_m, wanted.sure_range_m, wanted.period, wanted.settle)
+                    (
+                        wanted.min_range_m,
+                        wanted.max_range_m,
+                        wanted.sure_range_m,
+                        wanted.period,
+                        wanted.settle
+                    )
                 );
             }
         }
@@ -283,8 +292,7 @@ mod tests {
         let sim = sim();
         for topology in [Topology::Mesh, Topology::Star] {
             let text = places(topology).ground(&sim, Some(RunId(1)));
-            let file =
-                config::read_ground("configs/g.toml", &text, &mut |path| bundled::load(path)).unwrap();
+            let file = config::read_ground("configs/g.toml", &text, &mut |path| bundled::load(path)).unwrap();
             assert_eq!(file.vehicles, sim.vehicle_ids().collect::<Vec<_>>());
             assert_eq!((&file.sweep, &file.imaging), (&sim.sweep, &sim.imaging));
             assert_eq!(file.separation_m, sim.safety.separation_m);

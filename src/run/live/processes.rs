@@ -4,7 +4,7 @@
 
 use std::fs::{self, File};
 use std::io::{self, BufRead, BufReader};
-use std::net::SocketAddr;
+use std::net::{SocketAddr, TcpListener};
 use std::os::unix::process::CommandExt;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, ExitStatus, Stdio};
@@ -94,7 +94,9 @@ impl Processes {
         let output = child.stdout.take().ok_or_else(|| io::Error::other("the world has no output"))?;
         let (say, said) = channel();
         // It goes on reading, so that the world never waits for us.
-        let reader = move || BufReader::new(output).lines().map_while(Result::ok).for_each(|line| drop(say.send(line)));
+        let reader = move || {
+            BufReader::new(output).lines().map_while(Result::ok).for_each(|line| drop(say.send(line)))
+        };
         std::thread::Builder::new().name("world's words".to_owned()).spawn(reader)?;
         let first = said.recv_timeout(WORLD_WITHIN).unwrap_or_default();
         let words: Vec<&str> = first.split_whitespace().collect();
@@ -110,7 +112,13 @@ impl Processes {
         }
     }
 
-    fn spawn(&mut self, name: &str, rank: Rank, mut command: Command, keeps_output: bool) -> io::Result<&mut Child> {
+    fn spawn(
+        &mut self,
+        name: &str,
+        rank: Rank,
+        mut command: Command,
+        keeps_output: bool,
+    ) -> io::Result<&mut Child> {
         fs::create_dir_all(&self.folder)?;
         let log = self.folder.join(format!("{name}.log"));
         let file = File::create(&log)?;
@@ -135,13 +143,15 @@ impl Processes {
 
     /// Ends all of them in order: who is asked gets [`ENDS_WITHIN`] and is killed then.
     pub fn stop(&mut self) -> Vec<Ended> {
-        let mut ended = Vec::new();
-        for rank in [Rank::Vehicle, Rank::Ground, Rank::World] {
-            let mut group: Vec<&mut Process> =
-                self.list.iter_mut().filter(|process| process.rank == rank).collect();
-            ended.extend(end(&mut group, self.within));
-        }
-        self.list.clear();
+        let ranks = [Rank::Vehicle, Rank::Ground, Rank::World];
+        ranks.into_iter().flat_map(|rank| self.stop_those(rank)).collect()
+    }
+
+    /// Ends those of a rank in the same way.
+    pub fn stop_those(&mut self, rank: Rank) -> Vec<Ended> {
+        let of_rank = self.list.iter_mut().filter(|process| process.rank == rank);
+        let ended = end(&mut of_rank.collect::<Vec<_>>(), self.within);
+        self.list.retain(|process| process.rank != rank);
         ended
     }
 }
@@ -201,6 +211,17 @@ fn end(group: &mut [&mut Process], within: Duration) -> Vec<Ended> {
         Ended { name: process.name.clone(), was_killed }
     });
     each.collect()
+}
+
+/// Gives ports of this machine that nobody listens at now.
+///
+/// # Errors
+/// There are none.
+pub fn free_ports(count: usize) -> io::Result<Vec<u16>> {
+    let open = || TcpListener::bind(("127.0.0.1", 0));
+    // All are held until the last is found, so that none comes twice.
+    let held = (0..count).map(|_| open()).collect::<io::Result<Vec<TcpListener>>>()?;
+    held.iter().map(|listener| listener.local_addr().map(|address| address.port())).collect()
 }
 
 fn last_lines(log: &Path) -> String {
