@@ -1,4 +1,4 @@
-//! The cells of a tile: runs of equal cells where the format has bytes, numbers where people read it.
+//! The cells of a tile: runs of equal cells, as bytes where the format has bytes, as `[count, cell]` where people read it.
 //!
 //! Bytes are a sequence of pieces. A control byte c under 128 is followed by c + 1 cells as they are; from 128 up
 //! one cell follows that stands c − 125 times (3 to 130). Together the pieces hold 1024 cells, neither more nor fewer.
@@ -24,8 +24,10 @@ const RUN_FROM: usize = 128;
 /// Writes cells.
 pub(crate) fn serialize<S: Serializer>(cells: &[i8; TILE_CELLS], serializer: S) -> Result<S::Ok, S::Error> {
     if serializer.is_human_readable() {
-        let mut list = serializer.serialize_seq(Some(TILE_CELLS))?;
-        cells.iter().try_for_each(|cell| list.serialize_element(cell))?;
+        let mut list = serializer.serialize_seq(None)?;
+        for run in cells.chunk_by(|a, b| a == b) {
+            list.serialize_element(&(run.len(), run[0]))?;
+        }
         return list.end();
     }
     serializer.serialize_bytes(&packed(cells))
@@ -56,12 +58,17 @@ impl<'de> Visitor<'de> for Cells {
 
     fn visit_seq<A: SeqAccess<'de>>(self, mut list: A) -> Result<Self::Value, A::Error> {
         let mut cells = [0; TILE_CELLS];
-        for (count, cell) in cells.iter_mut().enumerate() {
-            *cell = list.next_element()?.ok_or_else(|| A::Error::invalid_length(count, &"1024 cells"))?;
+        let mut left = &mut cells[..];
+        while let Some((count, cell)) = list.next_element::<(usize, i8)>()? {
+            let (run, rest) = left
+                .split_at_mut_checked(count)
+                .ok_or_else(|| A::Error::custom("a tile has 1024 cells, these are more"))?;
+            run.fill(cell);
+            left = rest;
         }
-        match list.next_element::<i8>()? {
-            None => Ok(Arc::new(cells)),
-            Some(_) => Err(A::Error::invalid_length(TILE_CELLS + 1, &"1024 cells")),
+        match left.len() {
+            0 => Ok(Arc::new(cells)),
+            lacking => Err(A::Error::invalid_length(TILE_CELLS - lacking, &"1024 cells")),
         }
     }
 }

@@ -5,9 +5,11 @@ use std::fmt::Write;
 
 use super::describe_nodes::{ground_lines, operator_lines, vehicle_lines};
 use crate::config::{
-    Body, Config, Imaging, Look, Planner, RandomPersons, Safety, SceneFile, Sim, Sweep, Venue,
+    Body, Config, Fault, FaultKind, Imaging, Look, Planner, RandomPersons, Safety, SceneFile, Sim, Sweep,
+    Venue,
 };
 use crate::geom::Point;
+use crate::time::Time;
 
 /// Describes a configuration; ends in a line break.
 pub fn describe(config: &Config) -> String {
@@ -127,6 +129,7 @@ fn sim_lines(sim: &Sim) -> Vec<Line> {
     list.push(sweep_line(&sim.sweep, sim.empty_sweep));
     list.extend(imaging_lines(&sim.imaging));
     list.extend(end_lines(sim));
+    list.extend(sim.faults.iter().map(fault_line));
     list
 }
 
@@ -142,6 +145,10 @@ fn fleet_lines(sim: &Sim) -> Vec<Line> {
         ),
         motion_line(&fleet.body()),
         ("pose", format!("deviation {} m over {} s", fleet.pose_sd_m, fleet.pose_correlation_s)),
+        (
+            "battery",
+            format!("lasts {:?} driving, {:?} at rest", fleet.endurance_driving, fleet.endurance_resting),
+        ),
     ]
 }
 
@@ -175,6 +182,7 @@ fn sensing_lines(sim: &Sim) -> Vec<Line> {
         ),
         beams_line(&range.look()),
         safety_line(safety),
+        alone_line(safety),
     ]
 }
 
@@ -233,6 +241,33 @@ fn field_lines(sim: &Sim) -> Vec<Line> {
             ),
         ),
     ]
+}
+
+fn fault_line(fault: &Fault) -> Line {
+    let kind = match fault.kind {
+        FaultKind::Bus => "no bus".to_owned(),
+        FaultKind::Radio => "no radio".to_owned(),
+        FaultKind::Restart => "restart".to_owned(),
+        FaultKind::Dead => "software dead".to_owned(),
+        FaultKind::Sensor => "no range sensor".to_owned(),
+        FaultKind::Battery(charge) => format!("charge of {} %", charge * 100.0),
+    };
+    let until = if fault.until == Time::NEVER { String::new() } else { format!(" to {}", fault.until) };
+    let whom: Vec<String> = fault.vehicles.iter().map(ToString::to_string).collect();
+    ("fault", format!("{kind} from {}{until}, vehicles {}", fault.from, whom.join(" ")))
+}
+
+/// Describes when a vehicle acts on its own.
+pub(super) fn alone_line(safety: &Safety) -> Line {
+    (
+        "on its own",
+        format!(
+            "returns after {:?} without bus or below {} % of charge, stays below {} %",
+            safety.autonomy,
+            safety.battery_return * 100.0,
+            safety.battery_hold * 100.0
+        ),
+    )
 }
 
 /// Describes how a sweep is driven, and whether an empty one is driven first.
@@ -296,6 +331,7 @@ fn end_lines(sim: &Sim) -> Vec<Line> {
             ),
         ),
         ("end", format!("{:?} after at most {:?}; seed {}", sim.end, sim.until, sim.seed)),
+        ("expected", format!("{:?}", sim.expect).to_lowercase()),
     ]
 }
 

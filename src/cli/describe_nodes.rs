@@ -102,6 +102,7 @@ fn bus_lines(bus: &BusFile) -> Vec<Line> {
         ),
         ("protection", trust),
         ("traffic", format!("up to {} kB/s, a neighbour is gone after {:?}", bus.egress_kb_per_s, bus.lease)),
+        ("gossip", if bus.gossip { "on" } else { "off: only connect joins nodes" }.to_owned()),
     ]
 }
 

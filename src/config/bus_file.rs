@@ -59,6 +59,8 @@ pub struct BusFile {
     pub egress_kb_per_s: f64,
     /// After this much silence a neighbour is taken for gone.
     pub lease: Duration,
+    /// Whether the nodes of a mesh tell each other of further ones; otherwise only `connect` joins them.
+    pub gossip: bool,
 }
 
 impl BusFile {
@@ -77,6 +79,7 @@ impl BusFile {
             unprotected_network: section.flag("unprotected_network", false),
             egress_kb_per_s: section.number("egress_kb_per_s", 64.0, 8.0..=100_000.0),
             lease: section.duration("lease_s", 3.0, 1.0..=30.0),
+            gossip: section.flag("gossip", true),
         };
         section.finish();
         check_topology(section, &bus, role);

@@ -202,6 +202,17 @@ impl Durations {
     }
 }
 
+/// What a simulation is to end with, all the time without a collision or a breach of the fence.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub enum Expect {
+    /// Every sweep was driven to its end.
+    Finished,
+    /// Every vehicle whose software runs is home.
+    Home,
+    /// Every vehicle whose software runs stands where it is, and stays there.
+    Held,
+}
+
 /// What vehicles do when the sweep is done.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub enum End {

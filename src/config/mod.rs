@@ -13,6 +13,7 @@
 pub mod bundled;
 mod bus_file;
 mod endpoint;
+mod fault;
 mod ground_file;
 mod mission;
 mod nearest;
@@ -32,8 +33,9 @@ use source::Source;
 
 pub use bus_file::{BusFile, Identity, Topology};
 pub use endpoint::{Endpoint, EndpointError, Protocol, is_host};
+pub use fault::{Fault, FaultKind};
 pub use ground_file::{GroundFile, OperatorFile};
-pub use mission::{Durations, End, Imaging, Planner, Prior, Solver, Sweep, Weights};
+pub use mission::{Durations, End, Expect, Imaging, Planner, Prior, Solver, Sweep, Weights};
 pub use problem::{Problem, Problems};
 pub use radio::{Bus, OwnRadio, Partition, Radio};
 pub use scene::{Material, Object, Outline, Person, RandomPersons, SceneFile, Up};

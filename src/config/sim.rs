@@ -6,7 +6,8 @@ use std::time::Duration;
 
 use tomoswarm_proto::VehicleId;
 
-use super::mission::{Durations, End, Imaging, Planner, SMALLEST_GAP, Sweep};
+use super::fault::Fault;
+use super::mission::{Durations, End, Expect, Imaging, Planner, SMALLEST_GAP, Sweep};
 use super::radio::{Bus, Radio};
 use super::scene::SceneFile;
 use super::section::Section;
@@ -45,6 +46,10 @@ pub struct Sim {
     pub until: Duration,
     /// What vehicles do at the end.
     pub end: End,
+    /// What the run is to end with.
+    pub expect: Expect,
+    /// What goes wrong on the way.
+    pub faults: Vec<Fault>,
     /// The seed, unless the command line gives another.
     pub seed: u64,
 }
@@ -89,6 +94,9 @@ impl Sim {
         let durations = Durations::read(&root.section("durations"));
         let until = root.duration("until_s", 14_400.0, 1.0..=1e6);
         let end = root.choice("end", End::Return, &ends);
+        let expectations = [("finished", Expect::Finished), ("home", Expect::Home), ("held", Expect::Held)];
+        let expect = root.choice("expect", Expect::Finished, &expectations);
+        let faults = root.sections("fault", 1000).iter().map(|fault| Fault::read(fault, count)).collect();
         let seed = root.whole("seed", 1, 0..=i64::MAX as usize) as u64;
         root.finish();
         check_margins(root, &fleet, &safety);
@@ -108,6 +116,8 @@ impl Sim {
             durations,
             until,
             end,
+            expect,
+            faults,
             seed,
         };
         check_look_before_you_drive(root, &sim);

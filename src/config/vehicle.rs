@@ -36,6 +36,10 @@ pub struct Vehicles {
     pub pose_sd_m: f64,
     /// Time over which the error of the measured place drifts by its own size, seconds.
     pub pose_correlation_s: f64,
+    /// How long a full battery lasts while driving.
+    pub endurance_driving: Duration,
+    /// How long a full battery lasts at rest.
+    pub endurance_resting: Duration,
 }
 
 /// The body of one vehicle and how it moves.
@@ -104,6 +108,8 @@ impl Vehicles {
             turn_rate_rad_per_s: body.turn_rate_rad_per_s,
             pose_sd_m: section.number("pose_sd_m", 0.05, 0.0..=5.0),
             pose_correlation_s: section.number("pose_correlation_s", 20.0, 0.1..=3600.0),
+            endurance_driving: section.duration("endurance_driving_s", 21_600.0, 1.0..=1e6),
+            endurance_resting: section.duration("endurance_resting_s", 86_400.0, 1.0..=1e6),
         };
         section.finish();
         vehicles
@@ -233,10 +239,12 @@ pub struct Safety {
     pub separation_m: f64,
     /// Above this deviation of the place nothing is measured or mapped, metres.
     pub pose_sd_max_m: f64,
-    /// How long a vehicle carries on when it has lost the bus, before it holds and returns.
+    /// How long a vehicle carries on when it hears nobody on the bus; then it returns.
     pub autonomy: Duration,
-    /// Charge at which a vehicle returns, share of a full battery, 0 to 1.
+    /// Below this charge a vehicle returns by itself, 0 to 1.
     pub battery_return: f64,
+    /// Below this charge it stays where it is, 0 to 1.
+    pub battery_hold: f64,
 }
 
 impl Safety {
@@ -245,9 +253,17 @@ impl Safety {
             padding_m: section.number("padding_m", 0.1, 0.0..=5.0),
             separation_m: read_separation_m(section),
             pose_sd_max_m: section.number("pose_sd_max_m", 0.5, 0.01..=10.0),
-            autonomy: section.duration("autonomy_s", 60.0, 1.0..=86_400.0),
-            battery_return: section.number("battery_return", 0.2, 0.0..=0.9),
+            autonomy: section.duration("autonomy_s", 60.0, 3.0..=86_400.0),
+            battery_return: section.number("battery_return", 0.2, 0.0..=1.0),
+            battery_hold: section.number("battery_hold", 0.05, 0.0..=1.0),
         };
+        if safety.battery_hold > safety.battery_return {
+            section.refuse(
+                "battery_hold",
+                "is above battery_return: nobody would come home",
+                "at most battery_return is allowed",
+            );
+        }
         section.finish();
         safety
     }

@@ -114,6 +114,17 @@ impl Fleet {
         self.members().filter(|(_, member)| member.state.is_none()).map(|(id, _)| id).collect()
     }
 
+    /// Gives by which right orders and plans are given.
+    pub fn lease(&self) -> Lease {
+        self.lease
+    }
+
+    /// Gives the number of the newest state of a vehicle; 0 when none was heard.
+    pub fn seen_state(&self, vehicle: VehicleId) -> u64 {
+        let state = self.members.get(&vehicle).and_then(|member| member.state.as_ref());
+        state.map_or(0, |(_, state)| state.sequence)
+    }
+
     /// Takes a state; older ones and those of strangers change nothing.
     pub fn heard_state(&mut self, now: Time, state: State) -> Shown {
         let lease = self.lease;

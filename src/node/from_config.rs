@@ -93,5 +93,8 @@ fn safety_settings(safety: &Safety) -> SafetySettings {
         padding_m: safety.padding_m,
         separation_m: safety.separation_m,
         pose_sd_max_m: safety.pose_sd_max_m,
+        autonomy: safety.autonomy,
+        battery_return: safety.battery_return,
+        battery_hold: safety.battery_hold,
     }
 }

@@ -4,6 +4,7 @@
 //! what it wants done outside is an [`Effect`]; drivers and the bus at the edge turn them into real things.
 
 mod acted;
+mod ages;
 mod from_config;
 pub mod map;
 pub mod mission;

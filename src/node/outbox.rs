@@ -100,6 +100,17 @@ pub enum Out {
         /// The place; `None` = from the beginning.
         after: Option<Place>,
     },
+    /// How many samples wait and how many were lost, when that has changed.
+    Tally(Tally),
+}
+
+/// How an outbox fares.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Default, Serialize, Deserialize)]
+pub struct Tally {
+    /// Samples that the ground has not confirmed, as far as they are known here; at least one when more are at the edge.
+    pub waiting: u64,
+    /// Samples lost since nothing could keep them.
+    pub lost: u64,
 }
 
 /// Names who counts sequences.
@@ -142,6 +153,8 @@ pub struct Outbox {
     is_behind: bool,
     lost: u64,
     flush_at: Option<Time>,
+    /// What was told last of how it fares.
+    tallied: Tally,
 }
 
 impl Outbox {
@@ -159,6 +172,7 @@ impl Outbox {
             is_behind: false,
             lost: 0,
             flush_at: None,
+            tallied: Tally::default(),
         }
     }
 
@@ -170,6 +184,15 @@ impl Outbox {
     /// Tells how many samples are held that the ground has not confirmed.
     pub fn waiting(&self) -> usize {
         self.fresh.len() + self.sent.len()
+    }
+
+    fn tally(&mut self, out: &mut Vec<Out>) {
+        let waiting = self.waiting() as u64 + u64::from(self.is_behind);
+        let tally = Tally { waiting, lost: self.lost };
+        if tally != self.tallied {
+            self.tallied = tally;
+            out.push(Out::Tally(tally));
+        }
     }
 
     fn kept(&mut self, boot: Boot, run: RunId, sample: Sample) {
@@ -367,7 +390,10 @@ impl Actor for Outbox {
             In::Kept((boot, run, sample)) => self.kept(boot, run, sample),
             In::Recalled(chunk) => self.recalled(chunk),
             In::Dropped(dropped) => self.dropped(dropped),
-            In::Have(have) => self.have(now, &have, out),
+            In::Have(have) => {
+                self.have(now, &have, out);
+                self.tally(out);
+            }
         }
         if self.has_work() {
             self.flush_at.get_or_insert(now + FLUSH_EVERY);
@@ -390,6 +416,7 @@ impl Actor for Outbox {
             out.extend(self.due_batches(now, room).into_iter().map(Out::Publish));
         }
         self.recall(now, out);
+        self.tally(out);
         self.flush_at = self.has_work().then_some(now + FLUSH_EVERY);
         Ok(())
     }

@@ -1,24 +1,52 @@
-//! Where the other vehicles are and what way they claim, as each of the actors needs it: the newest state of each,
-//! however the network has shuffled them. What is done about them is decided elsewhere.
+//! Where the other vehicles are and what way they claim, as each of the actors needs it: the newest of what their
+//! states and beacons say, however the network has shuffled it. What is done about them is decided elsewhere.
+//!
+//! A state tells the way that a vehicle is committed to. A beacon tells its place alone: it counts when no state has
+//! come for a while, and then a vehicle that moves claims some way ahead. Who is heard neither way is *silent*: what was
+//! last known of it stays, an obstacle on its last leg.
 
 use std::collections::BTreeMap;
+use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
 use tomoswarm_proto::{Boot, Mode, State, VehicleId};
 
-use crate::geom::Point;
+use super::radio::Sighting;
+use crate::geom::{Point, Pose, Vector};
 use crate::time::Time;
 
-/// One other vehicle, by its newest state.
+/// A vehicle of which neither state nor beacon was heard for this long is silent.
+pub(super) const SILENT_AFTER: Duration = Duration::from_secs(2);
+/// A vehicle that drove when it was heard last is not waited for any longer than this.
+const GONE_AFTER: Duration = Duration::from_secs(20);
+/// A beacon tells a vehicle's place when no state has for this long.
+const STATE_COUNTS: Duration = Duration::from_secs(1);
+/// A vehicle that moves and is heard by radio alone claims this much ahead, metres: what it drives between two beacons
+/// and in braking, and more if it falls silent.
+const AHEAD_M: f64 = 1.5;
+/// Beacons that are further apart than this tell of a motion, metres: the place believed drifts by less in a while.
+const MOVED_M: f64 = 0.25;
+/// Beacons whose headings are further apart than this tell of a motion, radians.
+const TURNED_RAD: f64 = 0.15;
+/// By radio a vehicle rests when it has not moved for this long.
+const RESTS_AFTER: Duration = Duration::from_millis(1500);
+
+/// One other vehicle, by what was heard of it last.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub(super) struct Peer {
     /// Start of its software, and which of its states this is.
     edition: (Boot, u64),
+    /// When a state of it came last.
+    state_at: Option<Time>,
+    /// From where a motion is told by beacons.
+    anchor: Pose,
+    /// When its state or beacon was heard last.
+    pub heard_at: Time,
     /// Where it is.
     pub at: Point,
     /// Standard deviation of each coordinate, metres.
     pub sd_m: f64,
-    /// Where it is, then the corners of the leg that it is committed to.
+    /// Where it is, then the corners of the way that it is committed to.
     pub claim: Vec<Point>,
     /// Whether it neither moves nor is about to.
     pub resting: bool,
@@ -26,7 +54,21 @@ pub(super) struct Peer {
     pub moved_at: Time,
 }
 
-/// All other vehicles heard so far.
+impl Peer {
+    /// Tells whether it has been heard neither by bus nor by radio lately.
+    pub fn is_silent(&self, now: Time) -> bool {
+        now.since(self.heard_at) > SILENT_AFTER
+    }
+
+    /// Tells whether it has rested for a while, since a moment at least. One that drove when it fell silent is waited
+    /// for longer: it hears nobody either, and stands by itself, or it is gone.
+    pub fn is_quiet(&self, now: Time, since: Time, quiet: Duration) -> bool {
+        let rests = self.resting && now.since(self.moved_at.max(since)) >= quiet;
+        rests || (!self.resting && now.since(self.heard_at.max(since)) >= quiet.max(GONE_AFTER))
+    }
+}
+
+/// All other vehicles heard so far; as many as there are ids at most.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub(super) struct Peers {
     own: VehicleId,
@@ -47,16 +89,76 @@ impl Peers {
         }
         let resting = state.leg.is_none() && !matches!(state.mode, Mode::Driving | Mode::Turning);
         let moved_at = known.filter(|_| resting).map_or(now, |known| known.moved_at);
-        let at = Point::from(state.pose.at);
+        let pose = Pose::from(state.pose);
         let leg = state.leg.iter().flat_map(|leg| leg.route.iter().map(|corner| Point::from(*corner)));
-        let claim = std::iter::once(at).chain(leg).collect();
-        let peer = Peer { edition: edition(state), at, sd_m: state.pose.sd_m, claim, resting, moved_at };
+        let peer = Peer {
+            edition: edition(state),
+            state_at: Some(now),
+            anchor: pose,
+            heard_at: now,
+            at: pose.at,
+            sd_m: pose.sd_m,
+            claim: std::iter::once(pose.at).chain(leg).collect(),
+            resting,
+            moved_at,
+        };
         self.newest.insert(state.vehicle, peer);
+    }
+
+    /// Takes what a beacon tells; the own one, and one of an earlier start of its sender, changes nothing.
+    pub fn sight(&mut self, now: Time, sighting: &Sighting) {
+        let (vehicle, boot) = (sighting.progress.vehicle, sighting.boot);
+        if vehicle == self.own {
+            return;
+        }
+        let pose = Pose::from(sighting.pose);
+        let unknown = Peer {
+            edition: (boot, 0),
+            state_at: None,
+            anchor: pose,
+            heard_at: now,
+            at: pose.at,
+            sd_m: pose.sd_m,
+            claim: vec![pose.at],
+            resting: false,
+            moved_at: now,
+        };
+        let peer = self.newest.entry(vehicle).or_insert_with(|| unknown.clone());
+        if boot < peer.edition.0 {
+            return;
+        }
+        if boot > peer.edition.0 {
+            *peer = unknown;
+        }
+        peer.heard_at = now;
+        if peer.state_at.is_none_or(|at| now.since(at) > STATE_COUNTS) {
+            peer.place(now, pose);
+        }
     }
 
     /// Gives the others, ascending.
     pub fn iter(&self) -> impl Iterator<Item = (VehicleId, &Peer)> {
         self.newest.iter().map(|(id, peer)| (*id, peer))
+    }
+
+    /// Gives one of the others, if it was ever heard.
+    pub fn get(&self, vehicle: VehicleId) -> Option<&Peer> {
+        self.newest.get(&vehicle)
+    }
+}
+
+impl Peer {
+    /// Takes a place that only a beacon tells.
+    fn place(&mut self, now: Time, pose: Pose) {
+        let turned_rad = (pose.heading - self.anchor.heading).radians().abs();
+        if self.anchor.at.distance_to(pose.at) > MOVED_M || turned_rad > TURNED_RAD {
+            (self.anchor, self.moved_at) = (pose, now);
+        }
+        self.resting = now.since(self.moved_at) >= RESTS_AFTER;
+        (self.at, self.sd_m, self.claim) = (pose.at, pose.sd_m, vec![pose.at]);
+        if !self.resting {
+            self.claim.push(pose.at + Vector::polar(pose.heading, AHEAD_M));
+        }
     }
 }
 
@@ -71,26 +173,78 @@ fn edition(state: &State) -> (Boot, u64) {
 
 #[cfg(test)]
 mod tests {
+    use tomoswarm_proto::Progress;
+
     use super::super::tests_support::state;
     use super::*;
+
+    fn at(seconds_s: f64) -> Time {
+        Time::from_secs_f64(seconds_s)
+    }
+
+    fn sighting(boot: u32, x_m: f64) -> Sighting {
+        let progress = Progress { vehicle: VehicleId(2), boot: Boot(boot), ..Progress::default() };
+        Sighting { boot: Boot(boot), pose: state(2, x_m, 0.0).pose, progress }
+    }
 
     #[test]
     fn a_state_that_was_overtaken_changes_nothing() {
         let mut peers = Peers::new(VehicleId(1));
         let driving = State { mode: Mode::Driving, sequence: 6, ..state(2, 3.0, 0.0) };
-        peers.take(Time::from_secs_f64(2.0), &driving);
-        peers.take(Time::from_secs_f64(3.0), &State { sequence: 5, ..state(2, 0.0, 0.0) });
+        peers.take(at(2.0), &driving);
+        peers.take(at(3.0), &State { sequence: 5, ..state(2, 0.0, 0.0) });
         let (_, peer) = peers.iter().next().unwrap();
         assert!(!peer.resting);
-        assert_eq!((peer.at, peer.moved_at), (Point::new(3.0, 0.0), Time::from_secs_f64(2.0)));
-        peers.take(Time::from_secs_f64(4.0), &State { boot: Boot(2), sequence: 1, ..state(2, 4.0, 0.0) });
+        assert_eq!((peer.at, peer.moved_at), (Point::new(3.0, 0.0), at(2.0)));
+        peers.take(at(4.0), &State { boot: Boot(2), sequence: 1, ..state(2, 4.0, 0.0) });
         assert_eq!(peers.iter().next().unwrap().1.at, Point::new(4.0, 0.0), "a restart counts anew");
     }
 
     #[test]
     fn the_own_state_is_no_peer() {
-        let mut peers = Peers::new(VehicleId(1));
-        peers.take(Time::ZERO, &state(1, 0.0, 0.0));
+        let mut peers = Peers::new(VehicleId(2));
+        peers.take(Time::ZERO, &state(2, 0.0, 0.0));
+        peers.sight(Time::ZERO, &sighting(1, 0.0));
         assert_eq!(peers.iter().count(), 0);
+    }
+
+    #[test]
+    fn a_beacon_tells_the_place_once_states_do_not_come() {
+        let mut peers = Peers::new(VehicleId(1));
+        let driving = State { mode: Mode::Driving, ..state(2, 3.0, 0.0) };
+        peers.take(at(1.0), &driving);
+        peers.sight(at(1.5), &sighting(1, 3.2));
+        assert_eq!(peers.get(VehicleId(2)).unwrap().at.x_m, 3.0, "the state is fresh");
+        peers.sight(at(2.5), &sighting(1, 3.7));
+        let peer = peers.get(VehicleId(2)).unwrap();
+        assert_eq!(
+            peer.claim,
+            [Point::new(3.7, 0.0), Point::new(5.2, 0.0)],
+            "what moves claims some way ahead"
+        );
+        peers.sight(at(4.5), &sighting(1, 3.8));
+        let peer = peers.get(VehicleId(2)).unwrap();
+        assert!(peer.resting);
+        assert_eq!(peer.claim, [Point::new(3.8, 0.0)]);
+    }
+
+    #[test]
+    fn who_is_heard_neither_way_is_silent_and_keeps_its_claim() {
+        let mut peers = Peers::new(VehicleId(1));
+        peers.take(at(1.0), &state(2, 3.0, 0.0));
+        peers.sight(at(2.5), &sighting(1, 3.0));
+        assert!(!peers.get(VehicleId(2)).unwrap().is_silent(at(4.4)), "a beacon is heard as well");
+        assert!(peers.get(VehicleId(2)).unwrap().is_silent(at(4.6)));
+        assert!(!peers.get(VehicleId(2)).unwrap().claim.is_empty());
+    }
+
+    #[test]
+    fn what_an_earlier_start_of_a_peer_said_does_not_count() {
+        let mut peers = Peers::new(VehicleId(1));
+        peers.sight(at(1.0), &sighting(2, 7.0));
+        peers.sight(at(9.0), &sighting(1, 3.0));
+        peers.take(at(9.0), &State { sequence: 900, ..state(2, 4.0, 0.0) });
+        let peer = peers.get(VehicleId(2)).unwrap();
+        assert_eq!((peer.at.x_m, peer.heard_at), (7.0, at(1.0)));
     }
 }

@@ -2,7 +2,7 @@
 //!
 //! It is told what the radio driver heard, where the vehicle is, how far the mission is, and for which run to
 //! measure. It says
-//! beacons, samples, and peers' progress. It never waits for the bus: a gap costs samples, nothing else.
+//! beacons, samples, and what peers' beacons tell. It never waits for the bus: a gap costs samples, nothing else.
 //!
 //! Members of the ring are the ids heard, or listed in a heard beacon, in the last 5 s, and oneself, ascending. A
 //! beacon lists only those heard directly, so that one that has fallen silent leaves everybody's ring.
@@ -64,8 +64,19 @@ pub enum Out {
     Transmit(Beacon),
     /// A beacon heard, or missed, in a run.
     Sample(RunId, Sample),
-    /// How far a peer is with its plan.
-    Peer(Progress),
+    /// What a peer's beacon tells of it.
+    Peer(Sighting),
+}
+
+/// What a beacon tells of its sender, whatever it was measured for.
+#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
+pub struct Sighting {
+    /// Start of its software.
+    pub boot: Boot,
+    /// Where it believes to be.
+    pub pose: PoseReport,
+    /// How far it is with its plan; also tells who it is.
+    pub progress: Progress,
 }
 
 /// The radio actor.
@@ -135,7 +146,8 @@ impl Radio {
         if beacon.members.contains(&own) {
             self.listed_at = Some(now);
         }
-        out.push(Out::Peer(beacon.progress));
+        let progress = Progress { vehicle: beacon.sender, ..beacon.progress };
+        out.push(Out::Peer(Sighting { boot: beacon.boot, pose: beacon.pose, progress }));
         self.sample(now, &beacon, heard.rssi_dbm, out);
         let (boot, sequence, pose) = (beacon.boot, beacon.sequence, beacon.pose);
         let last = Last { boot, sequence, at: now, pose, receiver: self.place.pose(now) };

@@ -8,10 +8,11 @@
 //!  radio driver ─Heard─► radio ──Keep──► disk ──Kept──► outbox ──Samples──► bus
 //!                                        disk ◄─Forget, Recall─ outbox      bus ──Have──► outbox
 //!  bus ──Plan, peers' State and Progress──► mission ──Progress──► radio (in beacons), bus
+//!  radio ──what peers' beacons tell──► mission, vehicle      bus ──whoever is heard──► mission
 //!  bus ──Order, peers' State──► vehicle ──Order (once accepted)──► mission
 //! ```
 
-use tomoswarm_proto::{Beacon, Boot, Message, RunId, Sample};
+use tomoswarm_proto::{Beacon, Boot, Message, RunId, Sample, Sender};
 
 use super::{map, mission, outbox, radio, sensor, vehicle};
 use crate::geom::Angle;
@@ -65,6 +66,8 @@ pub enum Effect {
         /// The place; `None` = from the beginning.
         after: Option<outbox::Place>,
     },
+    /// How the outbox fares, for the operator.
+    Tally(outbox::Tally),
     /// Something worth a line in the log.
     Note(Note),
 }
@@ -130,7 +133,10 @@ pub(crate) fn route(said: Said, to: &mut Vec<To>) {
         Said::Radio(radio::Out::Sample(run, sample)) => {
             to.push(To::Edge(Effect::Keep(run, sample)));
         }
-        Said::Radio(radio::Out::Peer(progress)) => to.push(To::Mission(mission::In::Progress(progress))),
+        Said::Radio(radio::Out::Peer(sighting)) => {
+            to.push(To::Vehicle(vehicle::In::Sighted(sighting)));
+            to.push(To::Mission(mission::In::Sighted(sighting)));
+        }
         Said::Outbox(out) => to.push(To::Edge(outbox_effect(out))),
     }
 }
@@ -140,10 +146,12 @@ fn outbox_effect(out: outbox::Out) -> Effect {
         outbox::Out::Publish(samples) => Effect::Publish(Message::Samples(samples)),
         outbox::Out::Forget { boot, run, below } => Effect::Forget { boot, run, below },
         outbox::Out::Recall { after } => Effect::Recall { after },
+        outbox::Out::Tally(tally) => Effect::Tally(tally),
     }
 }
 
 fn route_message(message: Message, to: &mut Vec<To>) {
+    to.push(To::Mission(mission::In::Heard(message.author().unwrap_or(Sender::Operator))));
     match message {
         Message::State(state) => {
             to.push(To::Vehicle(vehicle::In::Peer(state.clone())));
@@ -185,7 +193,10 @@ fn route_vehicle(out: vehicle::Out, to: &mut Vec<To>) {
 
 fn route_mission(out: mission::Out, to: &mut Vec<To>) {
     match out {
-        mission::Out::Command(command) => to.push(To::Vehicle(vehicle::In::Command(command))),
+        mission::Out::Command(decided, command) => {
+            to.push(To::Vehicle(vehicle::In::Command(decided, command)));
+        }
+        mission::Out::Holds(holds) => to.push(To::Vehicle(vehicle::In::Holds(holds))),
         mission::Out::Accepted(run, revision) => {
             to.push(To::Vehicle(vehicle::In::Accepted(run, revision)));
         }

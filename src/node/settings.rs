@@ -75,7 +75,7 @@ pub struct RadioSettings {
     pub slot: Duration,
 }
 
-/// Distances that are kept.
+/// Distances that are kept, and when a vehicle acts on its own.
 #[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
 pub struct SafetySettings {
     /// Free space kept around the body, metres.
@@ -84,6 +84,12 @@ pub struct SafetySettings {
     pub separation_m: f64,
     /// Above this pose deviation nothing is driven, measured or mapped, metres.
     pub pose_sd_max_m: f64,
+    /// How long it carries on when it hears nobody on the bus.
+    pub autonomy: Duration,
+    /// Below this charge it returns by itself, 0 to 1.
+    pub battery_return: f64,
+    /// Below this charge it stays where it is, 0 to 1.
+    pub battery_hold: f64,
 }
 
 impl Settings {

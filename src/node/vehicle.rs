@@ -3,9 +3,13 @@
 //! It is told telemetry, scans, commands of the mission, orders and the peers' states. It says what to
 //! fly, its own `State`, accepted orders, and remarks. It checks every command against the envelope
 //! (a fresh and certain pose, a finite route that begins here, the fence, the peers, what made the reflex halt) and
-//! always drives at the configured speed. It judges the age of orders, not of commands: those come from inside this
-//! vehicle, and a new one replaces the unread one. It has the *reflex*: a scan nearer than the stopping distance halts the
+//! always drives at the configured speed. It judges the age of orders and of commands. Off plan, where no order of
+//! precedence protects it, it also yields: it stops as soon as a peer that moves claims what lies ahead. It has the
+//! *reflex*: a scan nearer than the stopping distance halts the
 //! vehicle without map, plan or network. It does not plan and does not know the map.
+//!
+//! After an emergency, or an order to land, a rover holds at once and is disarmed as soon as it rests; cutting the
+//! motors disarms it at once. A start arms it again.
 //!
 //! ```text
 //!            Drive/Turn accepted          telemetry: at rest
@@ -17,6 +21,7 @@
 //!
 //! Deadline: `telemetry silent`.
 
+mod envelope;
 mod orders;
 mod words;
 
@@ -27,10 +32,12 @@ use serde::{Deserialize, Serialize};
 use tomoswarm_proto::{LegReport, Mode, Order, OrderKind, Ordered, Revision, RunId, State, VehicleId};
 
 use super::Settings;
-use super::peers::{Peer, Peers, join_states};
+use super::ages::Ages;
+use super::peers::{Peers, join_states};
+use super::radio::Sighting;
 use super::sensor::Scan;
 use crate::actor::{Actor, Class, Fault, Input};
-use crate::geom::{Point, Pose, Segment, Track};
+use crate::geom::{Point, Segment};
 use crate::time::{Deadline, Time};
 
 pub use orders::join_orders;
@@ -46,10 +53,6 @@ const REACTION_S: f64 = 0.15;
 const REFLEX_MARGIN_M: f64 = 0.1;
 /// What made the reflex halt is kept clear of for this long, even if the map does not show it.
 const BUMP_FOR: Duration = Duration::from_secs(60);
-/// A route begins at most this far from where the vehicle is, metres.
-const ROUTE_START_M: f64 = 0.75;
-/// Orders that answer an older state than this are too old to obey.
-const ORDER_AGE: Duration = Duration::from_secs(15);
 /// After this long a resting autopilot has ended the drive that it was told.
 const REST_GRACE: Duration = Duration::from_millis(300);
 
@@ -60,12 +63,16 @@ pub enum In {
     Telemetry(Telemetry),
     /// A range reading.
     Scan(Scan),
-    /// What the mission wants.
-    Command(Command),
+    /// What the mission wants, and when it decided that.
+    Command(Time, Command),
+    /// Whether the mission stands still on its own until something changes.
+    Holds(bool),
     /// What an operator wants.
     Order(Order),
     /// The state of another vehicle.
     Peer(State),
+    /// What a beacon tells of another vehicle.
+    Sighted(Sighting),
     /// The mission follows this plan now.
     Accepted(RunId, Revision),
 }
@@ -94,12 +101,17 @@ pub struct Vehicle {
     halted: bool,
     /// An order to hold or to land stands.
     held: bool,
+    /// The mission stands still on its own.
+    holds: bool,
     emergency: bool,
+    /// Since when it is to be disarmed as soon as it rests.
+    disarm_since: Option<Time>,
+    is_disarmed: bool,
     accepted: (RunId, Revision),
     ordered: Ordered,
     sequence: u64,
     /// When recent states were made, to judge the age of orders by.
-    made: VecDeque<(u64, Time)>,
+    made: Ages,
     published: Option<(Time, Mode)>,
     peers: Peers,
     bumps: Vec<Bump>,
@@ -109,6 +121,8 @@ pub struct Vehicle {
 #[derive(Clone, Debug, Serialize, Deserialize)]
 struct Leg {
     since: Time,
+    /// It leads to no stop: nobody's plan says who goes first.
+    is_off_plan: bool,
     corners: VecDeque<Point>,
 }
 
@@ -122,11 +136,14 @@ impl Vehicle {
             leg: None,
             halted: false,
             held: false,
+            holds: false,
             emergency: false,
+            disarm_since: None,
+            is_disarmed: false,
             accepted: Default::default(),
             ordered: Default::default(),
             sequence: 0,
-            made: VecDeque::new(),
+            made: Ages::default(),
             published: None,
             bumps: Vec::new(),
             silent_reported: false,
@@ -137,11 +154,9 @@ impl Vehicle {
         self.telemetry = Some((now, telemetry));
         self.silent_reported = false;
         self.trim_leg(now, telemetry);
+        self.disarm_at_rest(now, telemetry, out);
         self.sequence += 1;
-        self.made.push_back((self.sequence, now));
-        while self.made.front().is_some_and(|(_, at)| now.since(*at) > ORDER_AGE) {
-            self.made.pop_front();
-        }
+        self.made.note(now, self.sequence);
         let state = self.state(telemetry);
         let due =
             self.published.is_none_or(|(at, mode)| mode != state.mode || now.since(at) >= PUBLISH_EVERY);
@@ -193,22 +208,23 @@ impl Vehicle {
         match telemetry.motion {
             Motion::Driving => Mode::Driving,
             Motion::Turning => Mode::Turning,
-            Motion::Resting if self.held => Mode::Held,
+            Motion::Resting if self.held || self.holds => Mode::Held,
             Motion::Resting if self.halted => Mode::Halted,
             Motion::Resting => Mode::Idle,
         }
     }
 
-    fn command(&mut self, now: Time, command: Command, out: &mut Vec<Out>) {
-        if let Err(refusal) = self.check(now, &command) {
+    fn command(&mut self, now: Time, decided: Time, command: Command, out: &mut Vec<Out>) {
+        if let Err(refusal) = self.check(now, decided, &command) {
             out.push(Out::Remark(Remark::Refused(refusal)));
             return;
         }
         match command {
-            Command::Drive { route, .. } => {
+            Command::Drive { stop, route } => {
                 self.halted = false;
                 let corners: Vec<Point> = route.into_iter().skip(1).collect();
-                self.leg = Some(Leg { since: now, corners: corners.iter().copied().collect() });
+                let ahead = corners.iter().copied().collect();
+                self.leg = Some(Leg { since: now, is_off_plan: stop.is_none(), corners: ahead });
                 out.push(Out::Fly(Fly::Drive { corners, speed_mps: self.settings.body.speed_mps }));
             }
             Command::Turn(heading) => {
@@ -219,64 +235,10 @@ impl Vehicle {
         }
     }
 
-    fn check(&self, now: Time, command: &Command) -> Result<(), Refusal> {
-        let route = match command {
-            Command::Hold => return Ok(()),
-            Command::Turn(heading) if !heading.radians().is_finite() => return Err(Refusal::NoRoute),
-            Command::Turn(_) => None,
-            Command::Drive { route, .. } => Some(track_of(route).ok_or(Refusal::NoRoute)?),
-        };
-        if self.emergency {
-            return Err(Refusal::Emergency);
-        }
-        let Some((at, telemetry)) = self.telemetry else { return Err(Refusal::NoPose) };
-        if now.since(at) > SILENT_AFTER {
-            return Err(Refusal::NoPose);
-        }
-        if telemetry.pose.sd_m > self.settings.safety.pose_sd_max_m {
-            return Err(Refusal::PoseUncertain);
-        }
-        route.map_or(Ok(()), |route| self.check_route(now, &route, telemetry.pose))
-    }
-
-    fn check_route(&self, now: Time, route: &Track, pose: Pose) -> Result<(), Refusal> {
-        if route.start().distance_to(pose.at) > ROUTE_START_M {
-            return Err(Refusal::NotHere);
-        }
-        let radius_m = self.settings.body.radius_m;
-        if !route.segments().all(|piece| self.settings.fence.contains_corridor(piece, radius_m)) {
-            return Err(Refusal::Fence);
-        }
-        let clear = |bump: &Bump| {
-            let here_m = bump.at.distance_to(pose.at);
-            route.segments().all(|piece| bump.is_passed_by(piece, here_m))
-        };
-        if !self.bumps.iter().filter(|bump| bump.until > now).all(clear) {
-            return Err(Refusal::Bump);
-        }
-        for (vehicle, peer) in self.peers.iter() {
-            if !self.keeps_clear_of(route, pose, peer) {
-                return Err(Refusal::Separation(vehicle));
-            }
-        }
-        Ok(())
-    }
-
-    /// Tells whether a route keeps its distance from a peer, or at least leads away from it.
-    fn keeps_clear_of(&self, route: &Track, pose: Pose, peer: &Peer) -> bool {
-        let Some(claim) = Track::new(peer.claim.clone()) else { return true };
-        let nearest_m = route.distance_to(&claim);
-        if nearest_m >= self.settings.safety.separation_m {
-            return true;
-        }
-        let here_m = claim.distance_to_point(pose.at);
-        nearest_m >= here_m - 1e-3 && claim.distance_to_point(route.end()) > here_m
-    }
-
     fn stop(&mut self, now: Time, out: &mut Vec<Out>) {
         if let Some((_, telemetry)) = self.telemetry {
             let corners = VecDeque::from([self.brakes_until(telemetry)]);
-            self.leg = self.leg.is_some().then_some(Leg { since: now, corners });
+            self.leg = self.leg.is_some().then_some(Leg { since: now, is_off_plan: false, corners });
         }
         out.push(Out::Fly(Fly::Stop));
     }
@@ -330,33 +292,60 @@ impl Vehicle {
         let Order { lease, revision, run, kind, .. } = order;
         self.ordered = Ordered { lease, revision, run, kind: Some(kind) };
         match order.kind {
-            OrderKind::Emergency | OrderKind::CutMotors => {
+            OrderKind::Emergency => {
                 self.emergency = true;
                 self.stop(now, out);
+                self.disarm_since = Some(now);
             }
-            OrderKind::Start => (self.emergency, self.held) = (false, false),
-            OrderKind::Hold | OrderKind::Land => self.held = true,
-            OrderKind::Return => self.held = false,
+            OrderKind::CutMotors => {
+                self.emergency = true;
+                self.stop(now, out);
+                self.disarm(out);
+            }
+            OrderKind::Start => {
+                (self.emergency, self.held) = (false, false);
+                self.arm(out);
+            }
+            OrderKind::Hold => self.held = true,
+            OrderKind::Land => {
+                self.held = true;
+                self.disarm_since = Some(now);
+            }
+            OrderKind::Return => {
+                self.held = false;
+                if !self.emergency {
+                    self.arm(out);
+                }
+            }
         }
         out.push(Out::Order(order));
+    }
+
+    fn arm(&mut self, out: &mut Vec<Out>) {
+        (self.disarm_since, self.is_disarmed) = (None, false);
+        out.push(Out::Fly(Fly::Arm));
+    }
+
+    fn disarm(&mut self, out: &mut Vec<Out>) {
+        (self.disarm_since, self.is_disarmed) = (None, true);
+        out.push(Out::Fly(Fly::Disarm));
+    }
+
+    /// Disarms a vehicle that was to hold first, once: braking needs its motors.
+    fn disarm_at_rest(&mut self, now: Time, telemetry: Telemetry, out: &mut Vec<Out>) {
+        let is_due = self.disarm_since.is_some_and(|since| now.since(since) > REST_GRACE);
+        if is_due && telemetry.motion == Motion::Resting {
+            self.disarm(out);
+        }
     }
 
     /// An order is stale when it answers a state that was made too long ago; stopping is never stale.
     fn is_stale(&self, now: Time, order: Order) -> bool {
         match order.kind {
             OrderKind::Hold | OrderKind::Emergency | OrderKind::Land | OrderKind::CutMotors => false,
-            OrderKind::Start | OrderKind::Return => {
-                let made = self.made.iter().find(|(sequence, _)| *sequence == order.seen_state);
-                made.is_none_or(|(_, at)| now.since(*at) > ORDER_AGE)
-            }
+            OrderKind::Start | OrderKind::Return => !self.made.is_fresh(now, order.seen_state),
         }
     }
-}
-
-/// Makes a track of a route that leads somewhere; `None` for fewer than two corners or one that is not finite.
-fn track_of(route: &[Point]) -> Option<Track> {
-    let finite = route.iter().all(|corner| corner.x_m.is_finite() && corner.y_m.is_finite());
-    (route.len() >= 2 && finite).then(|| Track::new(route.to_vec())).flatten()
 }
 
 impl Actor for Vehicle {
@@ -367,9 +356,17 @@ impl Actor for Vehicle {
         match input {
             In::Telemetry(telemetry) => self.telemetry(now, telemetry, out),
             In::Scan(scan) => self.scan(now, &scan, out),
-            In::Command(command) => self.command(now, command, out),
+            In::Command(decided, command) => self.command(now, decided, command, out),
+            In::Holds(holds) => self.holds = holds,
             In::Order(order) => self.order(now, order, out),
-            In::Peer(state) => self.peers.take(now, &state),
+            In::Peer(state) => {
+                self.peers.take(now, &state);
+                self.yield_to(now, state.vehicle, out);
+            }
+            In::Sighted(sighting) => {
+                self.peers.sight(now, &sighting);
+                self.yield_to(now, sighting.progress.vehicle, out);
+            }
             In::Accepted(run, revision) => self.accepted = (run, revision),
         }
         Ok(())
@@ -398,8 +395,12 @@ pub enum Key {
     Order(VehicleId),
     /// The state of one peer.
     Peer(VehicleId),
+    /// The beacon of one peer.
+    Sighted(VehicleId),
     /// The accepted plan.
     Accepted,
+    /// Whether the mission holds.
+    Holds,
 }
 
 impl Input for In {
@@ -409,9 +410,11 @@ impl Input for In {
         match self {
             In::Telemetry(_) => Class::Latest(Key::Telemetry),
             In::Scan(_) => Class::Queue,
-            In::Command(_) => Class::Latest(Key::Command),
+            In::Command(..) => Class::Latest(Key::Command),
+            In::Holds(_) => Class::Latest(Key::Holds),
             In::Order(order) => Class::Latest(Key::Order(order.vehicle)),
             In::Peer(state) => Class::Latest(Key::Peer(state.vehicle)),
+            In::Sighted(sighting) => Class::Latest(Key::Sighted(sighting.progress.vehicle)),
             In::Accepted(..) => Class::Latest(Key::Accepted),
         }
     }

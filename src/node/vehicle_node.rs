@@ -29,6 +29,8 @@ pub struct VehicleNode {
     mission: Seat<Mission>,
     radio: Seat<Radio>,
     outbox: Seat<Outbox>,
+    /// What earlier starts have measured, for [`VehicleNode::samples_made`].
+    radios: Vec<Radio>,
     routed: Vec<To>,
     /// What the actors did and nobody has taken yet; `None` while nobody watches.
     acted: Option<Vec<Acted>>,
@@ -47,9 +49,17 @@ impl VehicleNode {
             mission: Seat::new(Mission::new(settings.clone())),
             radio: Seat::new(Radio::new(settings.clone())),
             outbox: Seat::new(Outbox::new(settings.vehicle)),
+            radios: Vec::new(),
             routed: Vec::new(),
             acted: None,
         }
+    }
+
+    /// Starts anew, with settings of a higher boot; what was measured is kept at the edge.
+    pub fn restart(&mut self, settings: &Settings) {
+        let before = std::mem::replace(self, VehicleNode::new(settings));
+        (self.radios, self.acted) = (before.radios, before.acted);
+        self.radios.push(before.radio.actor().clone());
     }
 
     /// Gives the vehicle's id.
@@ -72,9 +82,10 @@ impl VehicleNode {
         self.map.actor().merged()
     }
 
-    /// Gives how many samples of a run its radio has made.
+    /// Gives how many samples of a run its radio has made, over all starts.
     pub fn samples_made(&self, run: RunId) -> u64 {
-        self.radio.actor().samples_made(run)
+        let made = self.radios.iter().chain([self.radio.actor()]).map(|radio| radio.samples_made(run));
+        made.sum()
     }
 
     /// Tells how many inputs its actors have dropped unread, because they were too slow.

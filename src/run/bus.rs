@@ -81,6 +81,8 @@ pub struct BusSettings {
     pub lease: Duration,
     /// What it may send, bytes per second.
     pub egress_bytes_per_s: u32,
+    /// Whether the nodes of a mesh tell each other of further ones; otherwise only `connect` joins them.
+    pub gossip: bool,
 }
 
 /// What came over the bus.

@@ -1,7 +1,9 @@
 //! An actor's place in a live process: its inbox, which anyone may put inputs into without waiting, and the thread that
 //! lets it act.
 //!
-//! The thread sleeps until something is unread or the actor's deadline has come. It keeps the actor contract by
+//! The thread sleeps until something is unread or the actor's deadline has come. At a *shared* desk whoever tells the actor
+//! something lets it act at once, on its own thread, when nobody else does: waking a thread takes longer than joining a
+//! tile. It keeps the actor contract by
 //! [`Seat`], as the simulator does. What the actor says goes to the closure that the process gives; nothing here knows who
 //! hears whom.
 //!
@@ -16,7 +18,7 @@ use std::collections::BTreeMap;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::mpsc::Sender;
-use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError, RwLock};
 use std::thread::JoinHandle;
 use std::time::Duration;
 
@@ -76,16 +78,26 @@ pub struct Desk<I: Input> {
     unread: Arc<Unread<I>>,
 }
 
+/// Lets an actor act on the caller's thread.
+type Help = Arc<dyn Fn() + Send + Sync>;
+
 struct Unread<I> {
     tray: Mutex<Tray<I>>,
     come: Condvar,
     /// Since when the actor acts, nanoseconds + 1; 0 = it waits.
     busy_since: AtomicU64,
+    /// When the actor is to be woken, nanoseconds.
+    deadline: AtomicU64,
+    /// Whether who tells it something may let it act at once.
+    is_shared: bool,
+    help: RwLock<Option<Help>>,
 }
 
 struct Tray<I> {
     inbox: Inbox<I>,
     is_closed: bool,
+    /// Why the actor cannot go on.
+    fault: Option<Fault>,
 }
 
 impl<I: Input> Clone for Desk<I> {
@@ -95,16 +107,38 @@ impl<I: Input> Clone for Desk<I> {
 }
 
 impl<I: Input> Desk<I> {
-    /// Sets up a desk at which nobody sits yet.
+    /// Sets up a desk at which nobody sits yet; its actor acts on a thread of its own.
     pub fn new(name: &'static str) -> Desk<I> {
-        let tray = Mutex::new(Tray { inbox: Inbox::new(INBOX), is_closed: false });
-        Desk { name, unread: Arc::new(Unread { tray, come: Condvar::new(), busy_since: AtomicU64::new(0) }) }
+        Desk::set_up(name, false)
+    }
+
+    /// Sets up a desk whose actor also acts on the thread of whoever tells it something, when it is at rest: that saves
+    /// the time of waking a thread. Only for an actor that is never busy for long.
+    pub fn shared(name: &'static str) -> Desk<I> {
+        Desk::set_up(name, true)
+    }
+
+    fn set_up(name: &'static str, is_shared: bool) -> Desk<I> {
+        let tray = Mutex::new(Tray { inbox: Inbox::new(INBOX), is_closed: false, fault: None });
+        let unread = Unread {
+            tray,
+            come: Condvar::new(),
+            busy_since: AtomicU64::new(0),
+            deadline: AtomicU64::new(u64::MAX),
+            is_shared,
+            help: RwLock::new(None),
+        };
+        Desk { name, unread: Arc::new(unread) }
     }
 
     /// Puts an input into the inbox; never waits for the actor.
     pub fn tell(&self, input: I) {
         lock(&self.unread.tray).inbox.push(input);
-        self.unread.come.notify_one();
+        let help = self.unread.help.read().unwrap_or_else(PoisonError::into_inner).clone();
+        match help {
+            Some(help) => help(),
+            None => self.unread.come.notify_one(),
+        }
     }
 
     /// Tells how many inputs were dropped unread.
@@ -115,6 +149,7 @@ impl<I: Input> Desk<I> {
     /// Sends the actor home: its thread ends after what it does now.
     pub fn close(&self) {
         lock(&self.unread.tray).is_closed = true;
+        *self.unread.help.write().unwrap_or_else(PoisonError::into_inner) = None;
         self.unread.come.notify_all();
     }
 
@@ -126,18 +161,16 @@ impl<I: Input> Desk<I> {
         }
     }
 
-    /// Waits until something is unread or the moment has come, and takes all that is unread; `None` = closed.
-    fn take(&self, clock: Clock, until: Option<Time>) -> Option<Vec<I>> {
+    /// Waits until something is unread, the actor's deadline has come, or it cannot go on; false = closed.
+    fn wait(&self, clock: Clock) -> bool {
         let mut tray = lock(&self.unread.tray);
         loop {
-            if tray.is_closed {
-                return None;
-            }
+            let until = Time::from_nanos(self.unread.deadline.load(Ordering::Relaxed));
             let now = clock.now();
-            if !tray.inbox.is_empty() || until.is_some_and(|until| until <= now) {
-                return Some(std::iter::from_fn(|| tray.inbox.pop()).collect());
+            if tray.is_closed || tray.fault.is_some() || !tray.inbox.is_empty() || until <= now {
+                return !tray.is_closed;
             }
-            let wait = until.map_or(IDLE, |until| until.since(now).min(IDLE));
+            let wait = until.since(now).min(IDLE);
             tray = self.unread.come.wait_timeout(tray, wait).unwrap_or_else(PoisonError::into_inner).0;
         }
     }
@@ -151,6 +184,30 @@ impl<I: Input> Desk<I> {
             tray = self.unread.come.wait_timeout(tray, wait).unwrap_or_else(PoisonError::into_inner).0;
         }
         !tray.is_closed
+    }
+
+    fn take(&self) -> Vec<I> {
+        let mut tray = lock(&self.unread.tray);
+        std::iter::from_fn(|| tray.inbox.pop()).collect()
+    }
+
+    fn is_empty(&self) -> bool {
+        lock(&self.unread.tray).inbox.is_empty()
+    }
+
+    /// Sets when the actor is to be woken; its thread hears of it when that is sooner than it knew.
+    fn set_deadline(&self, at: Option<Time>) {
+        let at = at.map_or(u64::MAX, Time::as_nanos);
+        if at < self.unread.deadline.swap(at, Ordering::Relaxed) {
+            // With the tray locked the thread is either before its look at the deadline, or waits already.
+            let _tray = lock(&self.unread.tray);
+            self.unread.come.notify_one();
+        }
+    }
+
+    fn fail(&self, fault: Fault) {
+        lock(&self.unread.tray).fault = Some(fault);
+        self.unread.come.notify_all();
     }
 }
 
@@ -203,42 +260,131 @@ pub fn seat<A, M, S>(
     say: S,
 ) -> std::io::Result<JoinHandle<()>>
 where
-    A: Actor + Serialize + 'static,
+    A: Actor + Serialize + Send + 'static,
     A::In: Input + Clone + Send + 'static,
-    A::Out: Clone,
+    A::Out: Clone + Send + 'static,
     M: FnMut() -> Result<A, Fault> + Send + 'static,
     S: FnMut(A::Out) + Send + 'static,
 {
-    let (office, desk) = (office.clone(), desk.clone());
-    std::thread::Builder::new()
-        .name(desk.name.to_owned())
-        .spawn(move || work(&office, &desk, post, record, make, say))
+    let at_work = Mutex::new(Work { seat: None, record, say });
+    let bench = Arc::new(Bench { office: office.clone(), desk: desk.clone(), at_work });
+    if desk.unread.is_shared {
+        let shared = bench.clone();
+        let help: Help = Arc::new(move || shared.help());
+        *desk.unread.help.write().unwrap_or_else(PoisonError::into_inner) = Some(help);
+    }
+    std::thread::Builder::new().name(desk.name.to_owned()).spawn(move || work(&bench, post, make))
 }
 
-fn work<A, M, S>(
-    office: &Office,
-    desk: &Desk<A::In>,
-    post: Post,
-    mut record: Option<Record<A>>,
-    mut make: M,
-    mut say: S,
-) where
+/// An actor's place of work: who holds the lock lets it act.
+struct Bench<A: Actor, S>
+where
+    A::In: Input,
+{
+    office: Office,
+    desk: Desk<A::In>,
+    at_work: Mutex<Work<A, S>>,
+}
+
+struct Work<A: Actor, S>
+where
+    A::In: Input,
+{
+    /// `None` = it cannot go on, or has not begun yet.
+    seat: Option<Seat<A>>,
+    record: Option<Record<A>>,
+    say: S,
+}
+
+impl<A, S> Bench<A, S>
+where
+    A: Actor + Serialize,
+    A::In: Input + Clone,
+    A::Out: Clone,
+    S: FnMut(A::Out),
+{
+    /// Lets the actor act on the caller's thread, unless somebody else does so just now: who does looks again
+    /// afterwards.
+    fn help(&self) {
+        loop {
+            let Ok(mut work) = self.at_work.try_lock() else { return };
+            if work.seat.is_none() {
+                return;
+            }
+            self.act(&mut work);
+            drop(work);
+            if self.desk.is_empty() {
+                return;
+            }
+        }
+    }
+
+    /// Lets the actor act on all that is unread and due.
+    fn act(&self, work: &mut Work<A, S>) {
+        let Work { seat: place, record, say } = work;
+        let Some(seat) = place else { return };
+        let (now, inputs) = (self.office.clock.now(), self.desk.take());
+        self.desk.unread.busy_since.store(now.as_nanos() + 1, Ordering::Relaxed);
+        let acted = catch_unwind(AssertUnwindSafe(|| {
+            inputs.into_iter().for_each(|input| seat.push(input));
+            let mut watched = record.as_mut();
+            watched.take_if(|record| !record.scribe.prepare(now, self.desk.name, seat.actor()));
+            match watched {
+                Some(Record { scribe, deed }) => {
+                    seat.act_watched(now, Some(|step| scribe.step(deed(step))), &mut *say)
+                }
+                None => seat.act(now, &mut *say),
+            }
+        }));
+        self.desk.unread.busy_since.store(0, Ordering::Relaxed);
+        let fault = match acted {
+            Ok(Ok(())) => return self.desk.set_deadline(seat.deadline().map(|deadline| deadline.at)),
+            Ok(Err(fault)) => fault,
+            Err(panic) => Fault { actor: self.desk.name, reason: words_of(panic.as_ref()) },
+        };
+        *place = None;
+        record.iter_mut().for_each(|record| record.scribe.restarted());
+        self.desk.fail(fault);
+    }
+
+    /// Seats an actor and lets it act until it cannot go on; `None` = it was sent home.
+    fn attend(&self, actor: A) -> Option<Fault> {
+        let seat = Seat::new(actor);
+        self.desk.set_deadline(seat.deadline().map(|deadline| deadline.at));
+        lock(&self.at_work).seat = Some(seat);
+        loop {
+            if !self.desk.wait(self.office.clock) {
+                return None;
+            }
+            let fault = lock(&self.desk.unread.tray).fault.take();
+            if fault.is_some() {
+                self.desk.set_deadline(None);
+                return fault;
+            }
+            self.act(&mut lock(&self.at_work));
+        }
+    }
+}
+
+fn work<A, M, S>(bench: &Bench<A, S>, post: Post, mut make: M)
+where
     A: Actor + Serialize,
     A::In: Input + Clone,
     A::Out: Clone,
     M: FnMut() -> Result<A, Fault>,
     S: FnMut(A::Out),
 {
+    let (office, desk) = (&bench.office, &bench.desk);
     let mut restarts = Restarts::default();
     loop {
-        let ended = catch_unwind(AssertUnwindSafe(|| act(office, desk, &mut record, make()?, &mut say)));
-        desk.unread.busy_since.store(0, Ordering::Relaxed);
-        record.iter_mut().for_each(|record| record.scribe.restarted());
-        let fault = match ended {
-            Ok(Ok(())) => return,
-            Ok(Err(fault)) => fault,
-            Err(panic) => Fault { actor: desk.name, reason: words_of(panic.as_ref()) },
+        let made = catch_unwind(AssertUnwindSafe(&mut make));
+        let made =
+            made.unwrap_or_else(|panic| Err(Fault { actor: desk.name, reason: words_of(panic.as_ref()) }));
+        let fault = match made {
+            Ok(actor) => bench.attend(actor),
+            Err(fault) => Some(fault),
         };
+        let Some(fault) = fault else { return };
         let wait = match post {
             Post::Leaf => restarts.failed(office.clock.now()),
             Post::Vital => None,
@@ -256,36 +402,6 @@ fn work<A, M, S>(
             return;
         }
     }
-}
-
-fn act<A>(
-    office: &Office,
-    desk: &Desk<A::In>,
-    record: &mut Option<Record<A>>,
-    actor: A,
-    say: &mut impl FnMut(A::Out),
-) -> Result<(), Fault>
-where
-    A: Actor + Serialize,
-    A::In: Input + Clone,
-    A::Out: Clone,
-{
-    let mut seat = Seat::new(actor);
-    while let Some(inputs) = desk.take(office.clock, seat.deadline().map(|deadline| deadline.at)) {
-        let now = office.clock.now();
-        desk.unread.busy_since.store(now.as_nanos() + 1, Ordering::Relaxed);
-        inputs.into_iter().for_each(|input| seat.push(input));
-        let mut watched = record.as_mut();
-        watched.take_if(|record| !record.scribe.prepare(now, desk.name, seat.actor()));
-        match watched {
-            Some(Record { scribe, deed }) => {
-                seat.act_watched(now, Some(|step| scribe.step(deed(step))), &mut *say)?;
-            }
-            None => seat.act(now, &mut *say)?,
-        }
-        desk.unread.busy_since.store(0, Ordering::Relaxed);
-    }
-    Ok(())
 }
 
 fn words_of(panic: &(dyn std::any::Any + Send)) -> String {
@@ -380,6 +496,35 @@ mod tests {
         desk.tell(Told(3));
         assert_eq!(heard.recv_timeout(SOON), Ok(3));
         assert!(troubles.list()[0].contains("panicked: ") && troubles.list()[0].contains("thirteen"));
+        desk.close();
+        thread.join().unwrap();
+    }
+
+    #[test]
+    fn at_a_shared_desk_the_teller_lets_the_actor_act_and_nothing_is_lost() {
+        let (endings, _ended) = channel();
+        let office = Office { clock: Clock::start(), troubles: Troubles::default(), endings };
+        let desk = Desk::shared("echo");
+        let (said, heard) = channel();
+        let say = move |out| said.send((out, std::thread::current().id())).unwrap_or_default();
+        let thread =
+            seat(&office, &desk, Post::Vital, None, || Ok(Echo { wakes: 2, next: Time::ZERO }), say).unwrap();
+        // The two wakes are the thread's.
+        let own: Vec<_> = (0..2).map(|_| heard.recv_timeout(SOON).unwrap()).collect();
+        assert!(own.iter().all(|(out, by)| *out == 1000 && *by == thread.thread().id()));
+        while desk.busy_for(office.clock.now()) > Duration::ZERO {}
+        std::thread::sleep(Duration::from_millis(20));
+        desk.tell(Told(1));
+        assert_eq!(heard.recv_timeout(SOON), Ok((1, std::thread::current().id())));
+        let tellers: Vec<_> = (0..4)
+            .map(|_| {
+                let desk = desk.clone();
+                std::thread::spawn(move || (100..1100).for_each(|number| desk.tell(Told(number))))
+            })
+            .collect();
+        tellers.into_iter().for_each(|teller| teller.join().unwrap());
+        let counted = std::iter::from_fn(|| heard.recv_timeout(Duration::from_millis(300)).ok()).count();
+        assert_eq!(counted as u64 + desk.dropped(), 4000);
         desk.close();
         thread.join().unwrap();
     }

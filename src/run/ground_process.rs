@@ -89,6 +89,8 @@ enum Wanted {
     Samples(Samples),
     Tile(TileReport),
     Software(VehicleId, Boot, String),
+    /// Nothing more: what came before is stored, and the thread ends.
+    End,
 }
 
 /// Runs the ground station until it is asked to stop or cannot go on; `text` and `venue_text` are its files, kept with
@@ -144,7 +146,8 @@ pub fn run(
     let finish = process.keep(&mut herald, is_stopped, &|now| desks.busy_for(now), &mut tick);
     desks.close();
     herald.close();
-    drop(to_store);
+    // The bus's ear lives as long as anyone holds its mouth, so the queue never ends by itself.
+    to_store.send(Wanted::End).unwrap_or_default();
     for thread in threads.into_iter().chain([keeper]) {
         // Who panicked has said so already.
         let _ = thread.join();
@@ -314,7 +317,11 @@ fn keeper(edge: Arc<Edge>, desks: Desks, wanted: Receiver<Wanted>) -> std::io::R
                 Err(RecvTimeoutError::Disconnected) => break,
             };
             let group: Vec<Wanted> = first.into_iter().chain(wanted.try_iter().take(GROUP_MOST)).collect();
+            let is_end = group.iter().any(|wanted| matches!(wanted, Wanted::End));
             keeper.keep(group);
+            if is_end {
+                break;
+            }
         }
         keeper.keep_tiles();
     };
@@ -345,6 +352,7 @@ impl Keeper {
                     self.edge
                         .write("store", |store| store.note_vehicle(vehicle, boot, Some(&software), None));
                 }
+                Wanted::End => {}
             }
         }
         if !batches.is_empty() {

@@ -42,7 +42,7 @@ impl Default for Desks {
         Desks {
             vehicle: Desk::new("vehicle"),
             sensor: Desk::new("sensor"),
-            map: Desk::new("map"),
+            map: Desk::shared("map"),
             mission: Desk::new("mission"),
             radio: Desk::new("radio"),
             outbox: Desk::new("outbox"),

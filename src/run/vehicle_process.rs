@@ -20,6 +20,7 @@ use super::trust::TrustError;
 use super::vehicle::{Desks, seat_all};
 use crate::config::{Record, VehicleFile};
 use crate::geom::Lattice;
+use crate::node::outbox::Tally;
 use crate::node::vehicle::Fly;
 use crate::node::{Effect, Event, Settings};
 use crate::store::outbox::{OutboxDriver, OutboxSettings};
@@ -71,6 +72,7 @@ pub struct Status {
 struct Last {
     state: Option<State>,
     hears: Vec<VehicleId>,
+    tally: Tally,
 }
 
 struct Edge {
@@ -101,6 +103,7 @@ impl Edge {
             Effect::Keep(run, sample) => self.outbox.keep(*run, *sample),
             Effect::Forget { boot, run, below } => self.outbox.forget(*boot, *run, *below),
             Effect::Recall { after } => self.outbox.recall(*after),
+            Effect::Tally(tally) => lock(&self.last).tally = *tally,
         }
     }
 }
@@ -236,12 +239,13 @@ impl Edge {
     }
 
     fn health(&self, settings: &Settings, state_dir: &StateDir, troubles: &Troubles) -> Health {
+        let tally = lock(&self.last).tally;
         Health {
             vehicle: settings.vehicle,
             boot: settings.boot,
             hears: lock(&self.last).hears.clone(),
-            samples_waiting: 0,
-            samples_lost: self.outbox.health().overrun,
+            samples_waiting: tally.waiting,
+            samples_lost: tally.lost + self.outbox.health().overrun,
             inputs_dropped: self.desks.dropped(),
             disk_free_mb: state_dir.free_mb(),
             troubles: short(troubles.list()),

@@ -7,6 +7,7 @@
 //!     └───────────── simulated drivers (world), bus ◄────────────────────────────────────────────────────┘
 //! ```
 
+mod failing;
 mod journal;
 mod recorded;
 #[cfg(test)]
@@ -20,6 +21,8 @@ use tomoswarm_proto::{Beacon, Message, VehicleId};
 
 pub(super) use self::recorded::Recording;
 use super::bus::{Bus, NodeId, deliver, receivers};
+use super::disk::Disk;
+use super::faults::{Faults, Turn};
 use super::noise::Noise;
 use super::outcome::Recorder;
 use super::outside::{Happened, Later, Outside, TELEMETRY_EVERY, TRACK_EVERY, first_telemetry};
@@ -30,7 +33,6 @@ use crate::actor::Fault;
 use crate::ground::station::Note as GroundNote;
 use crate::ground::{self, GroundNode};
 use crate::node::mission::Remark as MissionRemark;
-use crate::node::outbox::Recalled;
 use crate::node::radio::Heard;
 use crate::node::route::Note as VehicleNote;
 use crate::node::vehicle::Fly;
@@ -47,6 +49,7 @@ enum Event {
     Later(Later),
     Deliver { to: NodeId, frame: Arc<[u8]> },
     Script(Step),
+    Fault(Turn),
 }
 
 /// A node's alarm; a generation tells which of the queued wakes counts.
@@ -75,6 +78,9 @@ pub(super) struct Parts {
     pub world: World,
     pub bus: Bus,
     pub vehicles: Vec<VehicleNode>,
+    /// What each of them was told, to be told again when it restarts.
+    pub settings: Vec<node::Settings>,
+    pub faults: Faults,
     pub ground: GroundNode,
     pub script: Script,
     pub until: Time,
@@ -89,6 +95,10 @@ pub(super) struct Kernel {
     outside: Outside,
     bus: Bus,
     vehicles: Vec<VehicleNode>,
+    settings: Vec<node::Settings>,
+    faults: Faults,
+    is_dead: Vec<bool>,
+    disks: Vec<Disk>,
     ground: GroundNode,
     alarms: Vec<Alarm>,
     script: Script,
@@ -112,6 +122,10 @@ impl Kernel {
             outside: Outside::new(parts.world),
             bus: parts.bus,
             vehicles: parts.vehicles,
+            settings: parts.settings,
+            faults: parts.faults,
+            is_dead: vec![false; count],
+            disks: vec![Disk::default(); count],
             ground: parts.ground,
             alarms: vec![Alarm::default(); count + 1],
             script: parts.script,
@@ -134,6 +148,9 @@ impl Kernel {
         self.queue.push(Time::ZERO + TRACK_EVERY, Event::Track);
         let (after, first) = self.script.first();
         self.queue.push(Time::ZERO + after, Event::Script(first));
+        for (at, turn) in self.faults.turns() {
+            self.queue.push(at, Event::Fault(turn));
+        }
         for node in 0..self.alarms.len() {
             self.set_alarm(node);
         }
@@ -176,6 +193,7 @@ impl Kernel {
     pub fn into_parts(mut self) -> (Recorder, Outside, GroundNode, Bus, Time, f64) {
         self.log_holdings();
         self.record.sweep_done = self.script.is_sweep_done();
+        (self.record.alive, self.record.home, self.record.held) = self.muster();
         let separation_m = self.outside.min_separation_m(self.now);
         let end = self.ended.unwrap_or(self.now);
         (self.record, self.outside, self.ground, self.bus, end, separation_m)
@@ -193,7 +211,7 @@ impl Kernel {
         match event {
             Event::Wake { node, generation } => self.wake(node, generation),
             Event::Telemetry { vehicle } => {
-                let telemetry = self.outside.world().telemetry(vehicle, self.now);
+                let telemetry = self.outside.telemetry(vehicle, self.now);
                 self.queue.push(self.now + TELEMETRY_EVERY, Event::Telemetry { vehicle });
                 self.tell(vehicle, node::Event::Telemetry(telemetry))
             }
@@ -204,6 +222,10 @@ impl Kernel {
             Event::Later(later) => self.outside(later),
             Event::Deliver { to, frame } => self.deliver(to, &frame),
             Event::Script(step) => self.script(step),
+            Event::Fault(turn) => {
+                self.fail(turn);
+                Ok(())
+            }
         }
     }
 
@@ -223,7 +245,11 @@ impl Kernel {
         Ok(())
     }
 
+    /// Tells a vehicle something; one whose software does not run hears nothing.
     fn tell(&mut self, vehicle: usize, event: node::Event) -> Result<(), Fault> {
+        if self.is_dead[vehicle] {
+            return Ok(());
+        }
         self.vehicles[vehicle].tell(self.now, event, &mut self.vehicle_effects)?;
         self.carry_out(vehicle)?;
         self.set_alarm(vehicle);
@@ -284,14 +310,16 @@ impl Kernel {
                 self.publish(NodeId::Vehicle(self.vehicles[vehicle].id()), &message);
             }
             node::Effect::Note(note) => self.note(vehicle, &note),
-            // Simulated vehicles have no disk: what they make is kept in their memory alone.
             node::Effect::Keep(run, sample) => {
-                return Some(node::Event::Kept(self.vehicles[vehicle].boot(), run, sample));
+                let boot = self.vehicles[vehicle].boot();
+                self.disks[vehicle].keep(boot, run, sample);
+                return Some(node::Event::Kept(boot, run, sample));
             }
-            node::Effect::Recall { after: _ } => {
-                return Some(node::Event::Recalled(Recalled { samples: Vec::new(), is_end: true }));
+            node::Effect::Recall { after } => {
+                return Some(node::Event::Recalled(self.disks[vehicle].recall(after)));
             }
-            node::Effect::Forget { .. } => {}
+            node::Effect::Forget { boot, run, below } => self.disks[vehicle].forget(boot, run, below),
+            node::Effect::Tally(_) => {}
         }
         None
     }
@@ -304,12 +332,18 @@ impl Kernel {
     }
 
     fn ping(&mut self, vehicle: usize, number: u64) {
+        if self.faults.blind(self.now, self.vehicles[vehicle].id()) {
+            return;
+        }
         self.record.counts.scans += 1;
         let (at, later) = self.outside.ping(vehicle, self.now, number);
         self.queue.push(at, Event::Later(later));
     }
 
     fn transmit(&mut self, vehicle: usize, beacon: Beacon) {
+        if self.faults.cut_radio(self.now, self.vehicles[vehicle].id()) {
+            return;
+        }
         if let Some((ends, later)) = self.outside.transmit(vehicle, self.now, beacon) {
             self.queue.push(ends, Event::Later(later));
         }
@@ -336,6 +370,9 @@ impl Kernel {
 
     fn hear(&mut self, frame: &[u8], receivers: &[(usize, i16)]) -> Result<(), Fault> {
         for (to, rssi_dbm) in receivers {
+            if self.faults.cut_radio(self.now, self.vehicles[*to].id()) {
+                continue;
+            }
             let Ok(Message::Beacon(beacon)) = deliver(frame) else { continue };
             self.record.counts.beacons_heard += 1;
             self.tell(*to, node::Event::Heard(Heard { beacon, rssi_dbm: *rssi_dbm }))?;
@@ -365,7 +402,7 @@ impl Kernel {
             NodeId::Ground => self.tell_ground(ground::Event::Bus(message)),
             // In the simulation the scenario is the operator.
             NodeId::Operator => Ok(()),
-            NodeId::Vehicle(id) => match self.vehicles.iter().position(|vehicle| vehicle.id() == id) {
+            NodeId::Vehicle(id) => match self.index_of(id) {
                 Some(vehicle) => self.tell(vehicle, node::Event::Bus(message)),
                 None => Ok(()),
             },
@@ -379,7 +416,8 @@ impl Kernel {
             VehicleNote::Mission(remark) => {
                 self.log(&who, format_args!("{remark:?}"));
                 if matches!(remark, MissionRemark::Home) {
-                    let next = self.script.came_home();
+                    let (alive, home, _) = self.muster();
+                    let next = self.script.came_home(home, alive);
                     self.follow(next);
                 }
             }

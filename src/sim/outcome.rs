@@ -44,6 +44,10 @@ pub(super) struct Recorder {
     pub pictures: Vec<Picture>,
     pub sweep_done: bool,
     pub failure: Option<String>,
+    /// At the end: whose software runs, who of them is home, and who stands and stays.
+    pub alive: usize,
+    pub home: usize,
+    pub held: usize,
 }
 
 impl Recorder {
@@ -55,6 +59,9 @@ impl Recorder {
             pictures: Vec::new(),
             sweep_done: false,
             failure: None,
+            alive: 0,
+            home: 0,
+            held: 0,
         }
     }
 
@@ -106,10 +113,14 @@ pub struct Found {
 
 /// Everything that a run leaves behind.
 pub struct Outcome {
-    /// Whether all sweeps were driven to their end.
+    /// Whether it ended as its file expects; by that, all sweeps were driven to their end.
     pub finished: bool,
     /// Why not, if not.
     pub failure: Option<String>,
+    /// How many vehicles were home at the end.
+    pub home: usize,
+    /// How many stood where they were and would have stayed.
+    pub held: usize,
     /// Virtual time at the end.
     pub simulated: Time,
     /// What the referee saw.

@@ -13,7 +13,7 @@ use super::noise::{Noise, Purpose};
 use super::world::{Collision, Stage, Touch, World};
 use crate::geom::Angle;
 use crate::node::sensor::Echo;
-use crate::node::vehicle::Fly;
+use crate::node::vehicle::{Fly, Telemetry};
 use crate::time::Time;
 
 /// Telemetry comes this often.
@@ -97,6 +97,16 @@ impl Outside {
     /// Changes what stands in the world; contacts that were foreseen are void, these hold.
     pub fn set_stage(&mut self, stage: Stage, now: Time) -> Vec<Touch> {
         self.world.set_stage(stage, now)
+    }
+
+    /// Gives what the autopilot of a vehicle reports.
+    pub fn telemetry(&mut self, vehicle: usize, now: Time) -> Telemetry {
+        self.world.telemetry(vehicle, now)
+    }
+
+    /// Gives the battery of a vehicle a charge, 0 to 1.
+    pub fn charge(&mut self, vehicle: usize, now: Time, charge: f64) {
+        self.world.charge(vehicle, now, charge);
     }
 
     /// Lets the autopilot of a vehicle obey; gives the contacts that its new motion leads to.

@@ -7,16 +7,17 @@ use tomoswarm_proto::{Boot, Lease, VehicleId};
 use super::body::Limits;
 use super::bus::{Bus, BusModel};
 use super::entry::Entry;
+use super::faults::Faults;
 use super::kernel::{Kernel, Parts, Recording, Status};
 use super::noise::{Noise, Purpose};
-use super::outcome::Outcome;
+use super::outcome::{Outcome, Recorder};
 use super::outside::{Outside, first_telemetry};
 use super::radio_field::{RadioConstants, RadioField};
 use super::range::{RangeModel, RangeSensor};
 use super::script::{EMPTY_RUN, RUN, Script};
 use super::world::{Build, Stage, World};
 use crate::actor::Fault;
-use crate::config::{self, Sim};
+use crate::config::{self, Expect, Sim};
 use crate::geom::Point;
 use crate::ground::imager::Subject;
 use crate::ground::planner::Method;
@@ -224,15 +225,17 @@ impl Scenario {
         let (sim, noise) = (&self.sim, self.noise);
         let (world, second) = self.world()?;
         let start = |vehicle| Some((vehicle, sim.home(vehicle)?));
-        let node =
-            |(vehicle, home)| VehicleNode::new(&NodeSettings::from_config(sim, vehicle, Boot(1), home));
+        let told = |(vehicle, home)| NodeSettings::from_config(sim, vehicle, Boot(1), home);
+        let settings: Vec<NodeSettings> = sim.vehicle_ids().filter_map(start).map(told).collect();
         Ok(Parts {
             noise,
             world,
             bus: Bus::new(noise, self.bus()),
-            vehicles: sim.vehicle_ids().filter_map(start).map(node).collect(),
+            vehicles: settings.iter().map(VehicleNode::new).collect(),
+            settings,
+            faults: Faults::new(sim.faults.clone()),
             ground: self.ground()?,
-            script: Script::new(second, sim.end, sim.vehicles.count),
+            script: Script::new(second, sim.end, sim.expect),
             until: Time::ZERO + sim.until,
             shuffle_ties: self.shuffle_ties,
         })
@@ -287,6 +290,8 @@ impl Scenario {
             },
             pose_sd_m: vehicles.pose_sd_m,
             pose_drift: Duration::from_secs_f64(vehicles.pose_correlation_s),
+            endurance_driving: vehicles.endurance_driving,
+            endurance_resting: vehicles.endurance_resting,
         }
     }
 
@@ -304,12 +309,13 @@ impl Scenario {
 
     fn bus(&self) -> BusModel {
         let bus = &self.sim.bus;
+        let faults = Faults::new(self.sim.faults.clone());
         BusModel {
             delay: bus.delay,
             jitter: bus.jitter,
             drop_share: bus.drop_share,
             duplicate_share: bus.duplicate_share,
-            partitions: bus.partitions.clone(),
+            partitions: bus.partitions.iter().cloned().chain(faults.partitions()).collect(),
         }
     }
 
@@ -329,16 +335,32 @@ impl Scenario {
         )
     }
 
+    /// Says what was expected and is not so at the end.
+    fn unmet(&self, record: &Recorder) -> Option<String> {
+        let alive = record.alive;
+        match self.sim.expect {
+            Expect::Finished => (!record.sweep_done).then(|| "the sweep did not end in time".to_owned()),
+            Expect::Home => {
+                (record.home < alive).then(|| format!("only {} of {alive} vehicles are home", record.home))
+            }
+            Expect::Held => {
+                (record.held < alive).then(|| format!("only {} of {alive} vehicles are held", record.held))
+            }
+        }
+    }
+
     fn outcome(&self, kernel: Kernel) -> Result<Outcome, ScenarioError> {
         let (mut record, outside, ground, bus, simulated, separation_m) = kernel.into_parts();
         let station = ground.station();
         let outlines = self.outlines()?;
-        let finished = record.sweep_done && record.failure.is_none();
-        let failure =
-            record.failure.or_else(|| (!finished).then(|| "the sweep did not end in time".to_owned()));
+        let unmet = self.unmet(&record);
+        let finished = unmet.is_none() && record.failure.is_none();
+        let failure = record.failure.or(unmet);
         Ok(Outcome {
             finished,
             failure,
+            home: record.home,
+            held: record.held,
             simulated,
             collisions: outside.world().collisions().to_vec(),
             fence_breaches: outside.world().fence_breaches(),

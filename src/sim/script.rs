@@ -6,7 +6,7 @@ use std::time::Duration;
 use tomoswarm_proto::RunId;
 
 use super::world::Stage;
-use crate::config::End;
+use crate::config::{End, Expect};
 use crate::ground::imager::Subject;
 use crate::ground::station::Note as GroundNote;
 
@@ -72,16 +72,24 @@ pub struct Script {
     /// The stage with everybody in it, while they wait outside.
     outside: Option<Box<Stage>>,
     end: End,
-    vehicles: usize,
-    homes: usize,
+    expect: Expect,
     empty: Option<RunId>,
     sweep_done: bool,
+    /// Everybody was sent home.
+    is_returning: bool,
 }
 
 impl Script {
     /// Makes the script of a scenario; with a stage given a sweep comes first, before it is set.
-    pub fn new(outside: Option<Stage>, end: End, vehicles: usize) -> Script {
-        Script { outside: outside.map(Box::new), end, vehicles, homes: 0, empty: None, sweep_done: false }
+    pub fn new(outside: Option<Stage>, end: End, expect: Expect) -> Script {
+        Script {
+            outside: outside.map(Box::new),
+            end,
+            expect,
+            empty: None,
+            sweep_done: false,
+            is_returning: false,
+        }
     }
 
     /// Gives the first step.
@@ -108,7 +116,10 @@ impl Script {
                 (Act::Enter(self.outside.take()), Next::Step(ENTER_TAKES, Step::BeginMain))
             }
             Step::BeginMain => (Act::Sweep { run: RUN, empty: self.empty }, Next::Nothing),
-            Step::ReturnHome => (Act::ReturnHome, Next::Step(HOME_WITHIN, Step::GiveUpWaiting)),
+            Step::ReturnHome => {
+                self.is_returning = true;
+                (Act::ReturnHome, Next::Step(HOME_WITHIN, Step::GiveUpWaiting))
+            }
             Step::GiveUpWaiting => (Act::Fail("not everybody came home in time".to_owned()), Next::Nothing),
         }
     }
@@ -121,6 +132,10 @@ impl Script {
             }
             GroundNote::RunClosed { .. } => {
                 self.sweep_done = true;
+                Next::Nothing
+            }
+            // Where something else is expected of the vehicles, the sweep need not end.
+            GroundNote::NoPlan(_) | GroundNote::Stalled(_) if self.expect != Expect::Finished => {
                 Next::Nothing
             }
             GroundNote::NoPlan(reason) => Next::Fail(reason.clone()),
@@ -153,10 +168,11 @@ impl Script {
         }
     }
 
-    /// Gives what follows from one more vehicle that came home.
-    pub fn came_home(&mut self) -> Next {
-        self.homes += 1;
-        if self.homes == self.vehicles { Next::End } else { Next::Nothing }
+    /// Gives what follows when a vehicle came home, of which so many are home now and so many could be. Who came home
+    /// on their own may still be sent out again.
+    pub fn came_home(&self, homes: usize, of: usize) -> Next {
+        let is_last = self.is_returning || self.expect == Expect::Home;
+        if is_last && homes == of { Next::End } else { Next::Nothing }
     }
 }
 
@@ -170,7 +186,7 @@ mod tests {
 
     #[test]
     fn without_an_empty_sweep_the_main_one_begins_and_compares_with_nothing() {
-        let mut script = Script::new(None, End::Hold, 2);
+        let mut script = Script::new(None, End::Hold, Expect::Finished);
         assert_eq!(script.first().1, Step::BeginMain);
         let (act, next) = script.step(Step::BeginMain);
         assert!(matches!(act, Act::Sweep { run: RUN, empty: None }));
@@ -179,7 +195,7 @@ mod tests {
 
     #[test]
     fn the_main_sweep_compares_with_the_empty_one_that_was_driven() {
-        let mut script = Script::new(None, End::Hold, 2);
+        let mut script = Script::new(None, End::Hold, Expect::Finished);
         assert!(matches!(script.hear(&closed(EMPTY_RUN)), Next::Step(_, Step::PeopleEnter)));
         assert!(!script.is_sweep_done());
         assert!(matches!(script.step(Step::PeopleEnter).1, Next::Step(_, Step::BeginMain)));
@@ -191,7 +207,7 @@ mod tests {
         for (end, last) in
             [(End::Hold, Next::End), (End::Return, Next::Step(Duration::ZERO, Step::ReturnHome))]
         {
-            let mut script = Script::new(None, end, 2);
+            let mut script = Script::new(None, end, Expect::Finished);
             assert_eq!(script.picture(RUN, Subject::Structure), Next::Nothing, "the sweep is not closed");
             assert_eq!(script.hear(&closed(RUN)), Next::Nothing);
             assert_eq!(script.picture(RUN, Subject::Change), Next::Nothing);
@@ -201,10 +217,19 @@ mod tests {
     }
 
     #[test]
+    fn a_sweep_that_cannot_end_is_no_failure_where_vehicles_are_to_come_home() {
+        let mut script = Script::new(None, End::Return, Expect::Home);
+        assert_eq!(script.hear(&GroundNote::Stalled(RUN)), Next::Nothing);
+        assert_eq!(script.hear(&GroundNote::NoPlan(String::new())), Next::Nothing);
+    }
+
+    #[test]
     fn the_run_ends_when_the_last_one_is_home_and_fails_when_nobody_gets_on() {
-        let mut script = Script::new(None, End::Return, 2);
-        assert_eq!(script.came_home(), Next::Nothing);
-        assert_eq!(script.came_home(), Next::End);
+        let mut script = Script::new(None, End::Return, Expect::Finished);
+        assert_eq!(script.came_home(2, 2), Next::Nothing, "nobody was sent home");
+        script.step(Step::ReturnHome);
+        assert_eq!(script.came_home(1, 2), Next::Nothing);
+        assert_eq!(script.came_home(2, 2), Next::End);
         assert!(matches!(script.hear(&GroundNote::Stalled(RUN)), Next::Fail(_)));
         assert!(matches!(script.step(Step::GiveUpWaiting).0, Act::Fail(_)));
     }

@@ -45,6 +45,10 @@ pub struct Build {
     pub pose_sd_m: f64,
     /// Time over which the error of the believed place drifts.
     pub pose_drift: Duration,
+    /// How long a full battery lasts while driving.
+    pub endurance_driving: Duration,
+    /// How long a full battery lasts at rest.
+    pub endurance_resting: Duration,
 }
 
 /// A contact, as the referee writes it down.
@@ -87,6 +91,10 @@ struct Rover {
     id: VehicleId,
     body: Body,
     commands: u64,
+    is_disarmed: bool,
+    /// Charge left when it was reckoned last, 0 to 1.
+    charge: f64,
+    charge_at: Time,
 }
 
 /// Bodies in a scene.
@@ -136,7 +144,14 @@ impl World {
     /// The place or the figures of the drive are impossible.
     pub fn place(&mut self, id: VehicleId, at: Point, heading: Angle) -> Result<(), String> {
         let body = Body::at_rest(at, heading, self.build.limits).map_err(|refusal| refusal.to_string())?;
-        self.rovers.push(Rover { id, body, commands: 0 });
+        self.rovers.push(Rover {
+            id,
+            body,
+            commands: 0,
+            is_disarmed: false,
+            charge: 1.0,
+            charge_at: Time::ZERO,
+        });
         self.judged = vec![Time::ZERO; self.rovers.len() * self.rovers.len()];
         Ok(())
     }
@@ -185,7 +200,8 @@ impl World {
     }
 
     /// Gives what the autopilot reports.
-    pub fn telemetry(&self, vehicle: usize, now: Time) -> Telemetry {
+    pub fn telemetry(&mut self, vehicle: usize, now: Time) -> Telemetry {
+        self.drain(vehicle, now);
         let rover = &self.rovers[vehicle];
         let truth = rover.body.pose_at(now);
         let motion = match (truth.speed_mps > 0.0, rover.body.is_done(now)) {
@@ -195,7 +211,23 @@ impl World {
         };
         let at = truth.at + self.pose_error(rover.id, now);
         let pose = Pose { at, heading: truth.heading, sd_m: self.build.pose_sd_m };
-        Telemetry { pose, speed_mps: truth.speed_mps, battery: 1.0, motion }
+        Telemetry { pose, speed_mps: truth.speed_mps, battery: rover.charge, motion }
+    }
+
+    /// Takes from the battery what was used since it was reckoned last, by how the body moves now.
+    fn drain(&mut self, vehicle: usize, now: Time) {
+        let rover = &mut self.rovers[vehicle];
+        let moves = !rover.body.is_done(now);
+        let lasts = if moves { self.build.endurance_driving } else { self.build.endurance_resting };
+        let used = now.since(rover.charge_at).as_secs_f64() / lasts.as_secs_f64();
+        rover.charge = (rover.charge - used).max(0.0);
+        rover.charge_at = now;
+    }
+
+    /// Gives a battery a charge, 0 to 1.
+    pub fn charge(&mut self, vehicle: usize, now: Time, charge: f64) {
+        let rover = &mut self.rovers[vehicle];
+        (rover.charge, rover.charge_at) = (charge, now);
     }
 
     /// Lets the autopilot obey; gives the contacts that the new motion leads to.
@@ -205,6 +237,20 @@ impl World {
         let rover = &mut self.rovers[vehicle];
         rover.commands += 1;
         let obeyed = match fly {
+            Fly::Drive { .. } | Fly::Turn(_) if rover.is_disarmed => {
+                rover.body.stop(now);
+                Ok(())
+            }
+            Fly::Arm => {
+                rover.is_disarmed = false;
+                Ok(())
+            }
+            // Motors without current brake.
+            Fly::Disarm => {
+                rover.is_disarmed = true;
+                rover.body.stop(now);
+                Ok(())
+            }
             Fly::Drive { corners, speed_mps } => {
                 let truly: Vec<Point> = corners.iter().map(|corner| *corner - error).collect();
                 rover.body.drive(now, &truly, *speed_mps)

@@ -26,7 +26,9 @@
 //!    when the new one never becomes complete or does not fit (`start` is elsewhere): the vehicle
 //!    rests, and the ground can plan from where it rests.
 //! 5. Several legs may be entered ahead to drive through stops; all entered legs count as begun.
-//! 6. A restarted vehicle has forgotten what it did. If it stands by chance at the start of the current
+//! 6. What a vehicle has done before a restart stays done, and where it has stopped it stands: such facts are kept.
+//!    Whether it is at rest, and at which revision, is what its latest start says; what an earlier one said of that is
+//!    void. A restarted vehicle has forgotten what it did. If it stands by chance at the start of the current
 //!    revision (a lap ends where it began) it must not begin that revision again, since the others
 //!    count its stops as done. Hence the first revision that it adopts must be an empty one (no stops
 //!    for anyone): the ground's answer to a restart, and how it begins every run. This supposes that
@@ -38,7 +40,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
-use tomoswarm_proto::{Plan, Progress, Revision, RunId, Stop, StopId, VehicleId};
+use tomoswarm_proto::{Boot, Plan, Progress, Revision, RunId, Stop, StopId, VehicleId};
 
 use super::{FollowError, Refusal, Verdict, WaitsFor, validate};
 use crate::geom::Point;
@@ -54,6 +56,7 @@ fn edition_of(plan: &Plan) -> Edition {
 /// What is known of a peer, whatever it follows.
 #[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 struct Peer {
+    boot: Boot,
     newest: Edition,
     at_rest: bool,
 }
@@ -132,7 +135,8 @@ impl Follower {
         }
         self.note_member(progress);
         self.note_peer(progress);
-        let same = self.adopted_edition() == Some((progress.run, progress.revision));
+        let is_latest = self.peers.get(&progress.vehicle).is_none_or(|peer| peer.boot <= progress.boot);
+        let same = is_latest && self.adopted_edition() == Some((progress.run, progress.revision));
         let dwell = self.adopted.as_mut().and_then(|adopted| adopted.dwell.as_mut());
         if let Some(dwell) = dwell.filter(|_| same && progress.leg.is_none()) {
             dwell.missing.remove(&progress.vehicle);
@@ -152,9 +156,10 @@ impl Follower {
     }
 
     fn note_peer(&mut self, progress: &Progress) {
-        let heard = Peer { newest: (progress.run, progress.revision), at_rest: progress.leg.is_none() };
+        let newest = (progress.run, progress.revision);
+        let heard = Peer { boot: progress.boot, newest, at_rest: progress.leg.is_none() };
         let peer = self.peers.entry(progress.vehicle).or_insert(heard);
-        if heard.newest >= peer.newest {
+        if (heard.boot, heard.newest) >= (peer.boot, peer.newest) {
             *peer = heard;
         }
     }

@@ -120,6 +120,6 @@ fn trials_that_are_asked_to_end_say_how_many_were_run() {
     let err = String::from_utf8(stderr).unwrap();
     assert_eq!(status.code(), Some(1), "{err}");
     assert!(err.contains("asked to stop after") && err.contains("of 1000000 seeds"), "{err}");
-    assert!(String::from_utf8(stdout).unwrap().starts_with("  seed  sweep"));
+    assert!(String::from_utf8(stdout).unwrap().starts_with("  seed  end"));
     assert_eq!(desk.files(), before);
 }

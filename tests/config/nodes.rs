@@ -83,6 +83,7 @@ fn a_vehicles_file_gives_every_value_a_default() {
         pose_sd_max_m: 0.5,
         autonomy: Duration::from_secs(60),
         battery_return: 0.2,
+        battery_hold: 0.05,
     };
     assert_eq!(file.safety, safety);
     assert_eq!(vehicle(&format!("{VEHICLE}record.limit_mb = 0\n")).record.limit_bytes(), None);

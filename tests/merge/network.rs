@@ -399,7 +399,14 @@ fn settings(vehicle: u8, boot: u32) -> Settings {
             settle: Duration::from_millis(50),
         },
         radio: RadioSettings { channel: 11, power_dbm: 0, slot: Duration::from_millis(50) },
-        safety: SafetySettings { padding_m: 0.15, separation_m: 1.0, pose_sd_max_m: 0.5 },
+        safety: SafetySettings {
+            padding_m: 0.15,
+            separation_m: 1.0,
+            pose_sd_max_m: 0.5,
+            autonomy: Duration::from_secs(60),
+            battery_return: 0.2,
+            battery_hold: 0.05,
+        },
         path_time: Duration::from_millis(20),
     }
 }

@@ -12,30 +12,41 @@
 //!                    Returning (lower ids first) ─► Home, at rest
 //! ```
 //!
+//! Without an order it holds or returns when it hears nobody, has lost the bus or runs out of battery: see `autonomy`.
+//! Once off its plan it moves again only under a newer revision, planned from where it is.
+//!
 //! Deadlines: `repeat progress`, `the dwell at the stop ends`, `path ready`, `search again`.
 
+mod autonomy;
 mod look;
 mod pilot;
 mod returning;
 mod skipping;
 mod way;
 
+use std::collections::BTreeSet;
 use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
 use tomoswarm_proto::{
-    LayerId, Order, OrderKind, Plan, Progress, Revision, RunId, State, StopId, TileAddress, TileReport,
-    VehicleId,
+    LayerId, Lease, Order, OrderKind, Plan, Progress, Revision, RunId, Sender, State, StopId, TileAddress,
+    TileReport, VehicleId,
 };
 
+use self::autonomy::Links;
 use self::pilot::{Met, Pilot};
+use self::returning::Line;
 use super::Settings;
-use super::peers::{Peers, join_states};
+use super::ages::Ages;
+use super::peers::{Peer, Peers, join_states};
+use super::radio::Sighting;
 use super::vehicle::{self, Command};
 use crate::actor::{Actor, Class, Fault, Input};
 use crate::geom::Point;
 use crate::sweep::{Follower, Refusal, Verdict, WaitsFor};
 use crate::time::{Deadline, Time};
+
+pub use autonomy::Cause;
 
 /// Progress is repeated this often.
 const REPEAT_EVERY: Duration = Duration::from_secs(1);
@@ -61,6 +72,10 @@ pub enum In {
     Plan(Plan),
     /// How far a peer is.
     Progress(Progress),
+    /// What a peer's beacon tells.
+    Sighted(Sighting),
+    /// Some node was heard on the bus, whatever it said.
+    Heard(Sender),
     /// An order that the vehicle has accepted.
     Order(Order),
     /// What the vehicle's envelope or reflex decided.
@@ -70,8 +85,10 @@ pub enum In {
 /// What the mission actor can say.
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
 pub enum Out {
-    /// To the vehicle.
-    Command(Command),
+    /// To the vehicle, and when it was decided.
+    Command(Time, Command),
+    /// Whether it stands, and does not go on by itself.
+    Holds(bool),
     /// The plan that is followed from now on.
     Accepted(RunId, Revision),
     /// How far it is with its plan.
@@ -93,6 +110,8 @@ pub enum Remark {
     Refused(Refusal),
     /// The own plan leads out of the fence, here: it is not taken.
     Outside(Point),
+    /// A plan answers a state that is too old, or has a lower right than others: it is not taken.
+    OldPlan(RunId, Revision),
     /// Something unknown is looked at.
     Looks(Point),
     /// Something stands on the way.
@@ -107,9 +126,38 @@ pub enum Remark {
     Finished(RunId),
     /// The vehicle is back home.
     Home,
+    /// This vehicle is heard neither by bus nor by radio: an obstacle until it is.
+    Silent(VehicleId),
+    /// It is heard again.
+    HeardAgain(VehicleId),
+    /// Nobody is heard at all: it stands.
+    Alone,
+    /// Somebody is heard again.
+    NotAlone,
+    /// Nobody was heard on the bus for as long as it may carry on by itself.
+    BusLost,
+    /// Somebody is heard on the bus again.
+    BusBack,
+    /// It does something that nobody has ordered.
+    Decides(Cause, Standing),
 }
 
-/// What the operator wants of this vehicle.
+/// What a vehicle does, as a whole.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize)]
+pub enum Standing {
+    /// It waits for a start.
+    Waiting,
+    /// It follows its plan.
+    Following,
+    /// It stands and does not go on by itself.
+    Held,
+    /// It is on its way home, or waits for its turn.
+    Returning,
+    /// It came home.
+    Home,
+}
+
+/// What is wanted of this vehicle, by its operator or by itself.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize)]
 enum Wanted {
     Waiting,
@@ -120,6 +168,8 @@ enum Wanted {
         since: Time,
         under_way: bool,
     },
+    /// It came home.
+    Home,
 }
 
 /// The mission actor.
@@ -130,12 +180,24 @@ pub struct Mission {
     follower: Option<Follower>,
     pilot: Pilot,
     wanted: Wanted,
+    line: Line,
+    /// Why it wants that, unless it was ordered.
+    own: Option<Cause>,
+    links: Links,
+    is_battery_low: bool,
+    /// It has left its plan, and goes on only under a newer one.
+    is_off_plan: bool,
     peers: Peers,
+    silent: BTreeSet<VehicleId>,
+    ages: Ages,
+    /// The highest right by which it was ordered or planned for.
+    lease: Lease,
+    said_holds: bool,
     said: Progress,
     said_measure: Option<RunId>,
     finished: bool,
-    /// The plan last refused since it leads out of the fence.
-    outside: Option<(RunId, Revision)>,
+    /// The plan last not taken, since it is old or leads out of the fence.
+    not_taken: Option<(RunId, Revision)>,
     /// Stops given up since one was reached.
     skips: u32,
     repeat_at: Time,
@@ -153,10 +215,19 @@ impl Mission {
             state: None,
             follower: None,
             wanted: Wanted::Waiting,
+            line: Line::default(),
+            own: None,
+            links: Links::default(),
+            is_battery_low: false,
+            is_off_plan: false,
+            silent: BTreeSet::new(),
+            ages: Ages::default(),
+            lease: Lease::default(),
+            said_holds: false,
             said,
             said_measure: None,
             finished: false,
-            outside: None,
+            not_taken: None,
             skips: 0,
             repeat_at,
         }
@@ -173,21 +244,28 @@ impl Mission {
             self.follower = Some(Follower::new(self.settings.vehicle, place, START_TOLERANCE_M));
             self.pilot.begin_at(place);
         }
+        self.ages.note(now, state.sequence);
+        self.lease = self.lease.max(state.ordered.lease);
         self.state = Some(state);
         self.go_on(now, out);
     }
 
     /// Goes on with whatever is wanted; called with every state and when something else has changed.
     fn go_on(&mut self, now: Time, out: &mut Vec<Out>) {
+        self.look_after_itself(now, out);
         match self.wanted {
+            Wanted::Following | Wanted::Returning { .. } if self.links.is_alone => {}
             Wanted::Following => self.follow(now, out),
             Wanted::Returning { since, under_way } => self.bring_home(now, since, under_way, out),
-            Wanted::Held | Wanted::Waiting => self.stay(),
+            Wanted::Held | Wanted::Waiting | Wanted::Home => self.stay(),
         }
         self.report(out);
     }
 
     fn follow(&mut self, now: Time, out: &mut Vec<Out>) {
+        if self.is_off_plan {
+            return self.stay();
+        }
         if let Some(follower) = &mut self.follower {
             follower.resume();
         }
@@ -197,7 +275,7 @@ impl Mission {
             follower.wake(now);
         }
         // Who gets nowhere lets the ground plan anew from here; who is asked to change its plan does so where it rests.
-        let commanded = out.iter().any(|said| matches!(said, Out::Command(_)));
+        let commanded = out.iter().any(|said| matches!(said, Out::Command(..)));
         let is_asked = matches!(self.waits_for(), Some(WaitsFor::Revision { .. }));
         if (self.pilot.failures() >= FAILURES_MAX || is_asked) && !commanded {
             self.stay();
@@ -227,11 +305,12 @@ impl Mission {
 
     fn drive(&mut self, now: Time, out: &mut Vec<Out>) {
         let Some(state) = &self.state else { return };
-        let resting = self.peers.iter().filter(|(_, peer)| peer.resting).map(|(_, peer)| peer.at);
-        self.pilot.keep_clear_of(resting.collect());
+        let stands = |peer: &&Peer| peer.resting || peer.is_silent(now);
+        let standing = self.peers.iter().map(|(_, peer)| peer).filter(stands).map(|peer| peer.claim.clone());
+        self.pilot.keep_clear_of(standing.collect());
         let mut met = Vec::new();
         let command = self.pilot.advance(now, state, &mut met);
-        out.extend(command.map(Out::Command));
+        out.extend(command.map(|command| Out::Command(now, command)));
         for met in met {
             self.meet(now, met, out);
         }
@@ -252,6 +331,7 @@ impl Mission {
                 if failures >= FAILURES_MAX {
                     self.give_up_stop(now, out);
                 }
+                self.finds_no_way_home(now, failures);
                 Remark::NoPath(failures)
             }
         };
@@ -268,14 +348,18 @@ impl Mission {
         }
     }
 
-    fn plan(&mut self, plan: &Plan, out: &mut Vec<Out>) {
-        if let Some(at) = self.leads_outside(plan) {
-            let edition = (plan.run, plan.revision);
-            if self.outside.replace(edition) != Some(edition) {
-                out.push(Out::Remark(Remark::Outside(at)));
+    fn plan(&mut self, now: Time, plan: &Plan, out: &mut Vec<Out>) {
+        let edition = (plan.run, plan.revision);
+        let outside = self.leads_outside(plan).map(Remark::Outside);
+        let old = self.is_old(now, plan).then_some(Remark::OldPlan(plan.run, plan.revision));
+        if let Some(remark) = old.or(outside) {
+            if self.not_taken.replace(edition) != Some(edition) {
+                out.push(Out::Remark(remark));
             }
             return;
         }
+        self.lease = self.lease.max(plan.lease);
+        self.resume_for(now, plan, out);
         let Some(follower) = &mut self.follower else { return };
         let before = follower.refusal().cloned();
         match follower.offer(plan) {
@@ -287,6 +371,13 @@ impl Mission {
         self.report(out);
     }
 
+    /// Tells whether a plan has a lower right than another that was heard, or the own one answers a state that was made
+    /// too long ago. (No state was made before the first; only what has heard none answers that.)
+    fn is_old(&self, now: Time, plan: &Plan) -> bool {
+        let is_own = plan.vehicle == self.settings.vehicle && plan.seen_state != 0;
+        plan.lease < self.lease || (is_own && !self.ages.is_fresh(now, plan.seen_state))
+    }
+
     /// Gives the first place of the own plan that lies outside the fence.
     fn leads_outside(&self, plan: &Plan) -> Option<Point> {
         let own = plan.stops.iter().filter(|_| plan.vehicle == self.settings.vehicle);
@@ -296,7 +387,7 @@ impl Mission {
 
     /// A new revision is followed: what was left of the old way is given up.
     fn adopted(&mut self, progress: Progress, out: &mut Vec<Out>) {
-        self.finished = false;
+        (self.finished, self.is_off_plan) = (false, false);
         if let Some(state) = &self.state {
             self.pilot.give_up(state.pose.at.into());
         }
@@ -304,11 +395,21 @@ impl Mission {
         out.push(Out::Remark(Remark::Adopted(progress.run, progress.revision)));
     }
 
+    fn hear(&mut self, now: Time, progress: &Progress, out: &mut Vec<Out>) {
+        if let Some(follower) = &mut self.follower {
+            follower.hear(now, progress);
+            self.report(out);
+        }
+    }
+
     fn order(&mut self, now: Time, order: Order, out: &mut Vec<Out>) {
+        self.lease = self.lease.max(order.lease);
+        (self.own, self.line) = (None, Line::default());
         match order.kind {
+            OrderKind::Start if self.wanted == Wanted::Home && self.is_battery_low => {}
             OrderKind::Start => {
-                if let Some(follower) = &mut self.follower {
-                    follower.resume();
+                if matches!(self.wanted, Wanted::Returning { under_way: true, .. }) {
+                    self.stop(now, out);
                 }
                 self.wanted = Wanted::Following;
             }
@@ -326,7 +427,7 @@ impl Mission {
 
     fn stop(&mut self, now: Time, out: &mut Vec<Out>) {
         self.pilot.halted(now);
-        out.push(Out::Command(Command::Hold));
+        out.push(Out::Command(now, Command::Hold));
     }
 
     fn remark(&mut self, now: Time, remark: &vehicle::Remark) {
@@ -335,7 +436,12 @@ impl Mission {
                 self.pilot.bumped(now, *bump);
                 self.pilot.halted(now);
             }
-            vehicle::Remark::Refused(_) => self.pilot.refused(now),
+            vehicle::Remark::Refused(refusal) => {
+                self.pilot.refused(now);
+                if let vehicle::Refusal::Separation(peer) = refusal {
+                    self.yields_to(*peer);
+                }
+            }
             vehicle::Remark::AutopilotSilent => {}
         }
     }
@@ -362,18 +468,26 @@ impl Mission {
             self.said_measure = measure;
             out.push(Out::Measure(measure));
         }
+        if self.holds() != self.said_holds {
+            self.said_holds = self.holds();
+            out.push(Out::Holds(self.said_holds));
+        }
     }
 
     /// The pilot wants to be woken only while something is being driven.
     fn pilot_deadline(&self) -> Option<Deadline> {
         match self.wanted {
+            _ if self.links.is_alone => None,
+            Wanted::Following if self.is_off_plan => None,
             Wanted::Following | Wanted::Returning { under_way: true, .. } => self.pilot.deadline(),
-            Wanted::Waiting | Wanted::Held | Wanted::Returning { under_way: false, .. } => None,
+            Wanted::Waiting | Wanted::Held | Wanted::Home | Wanted::Returning { under_way: false, .. } => {
+                None
+            }
         }
     }
 
     fn dwell_deadline(&self) -> Option<Deadline> {
-        let following = self.wanted == Wanted::Following;
+        let following = self.wanted == Wanted::Following && !self.is_off_plan && !self.links.is_alone;
         self.follower.as_ref().filter(|_| following).and_then(Follower::deadline)
     }
 }
@@ -387,13 +501,14 @@ impl Actor for Mission {
             In::State(state) => self.state(now, state, out),
             In::Peer(state) => self.peers.take(now, &state),
             In::Tile(tile) => self.pilot.learn(&tile),
-            In::Plan(plan) => self.plan(&plan, out),
-            In::Progress(progress) => {
-                if let Some(follower) = &mut self.follower {
-                    follower.hear(now, &progress);
-                    self.report(out);
-                }
+            In::Plan(plan) => self.plan(now, &plan, out),
+            In::Progress(progress) => self.hear(now, &progress, out),
+            In::Sighted(sighting) => {
+                self.peers.sight(now, &sighting);
+                self.links.heard_radio(now);
+                self.hear(now, &sighting.progress, out);
             }
+            In::Heard(by) => self.links.heard_bus(now, self.settings.vehicle, by),
             In::Order(order) => self.order(now, order, out),
             In::Remark(remark) => self.remark(now, &remark),
         }
@@ -428,6 +543,10 @@ pub enum Key {
     Plan(VehicleId),
     /// The progress of one vehicle.
     Progress(VehicleId),
+    /// The beacon of one peer.
+    Sighted(VehicleId),
+    /// That one node was heard.
+    Heard(Sender),
     /// Accepted orders join by strength.
     Order,
 }
@@ -442,6 +561,8 @@ impl Input for In {
             In::Plan(plan) => Class::Latest(Key::Plan(plan.vehicle)),
             In::Tile(tile) => Class::Latest(Key::Tile(tile.layer, tile.address)),
             In::Progress(progress) => Class::Latest(Key::Progress(progress.vehicle)),
+            In::Sighted(sighting) => Class::Latest(Key::Sighted(sighting.progress.vehicle)),
+            In::Heard(by) => Class::Latest(Key::Heard(*by)),
             In::Order(_) => Class::Latest(Key::Order),
             In::Remark(_) => Class::Queue,
         }
@@ -449,7 +570,9 @@ impl Input for In {
 
     fn join(unread: In, newer: In) -> In {
         let edition = |plan: &Plan| (plan.run, plan.revision);
-        let step = |progress: &Progress| (progress.run, progress.revision, progress.done, progress.leg);
+        let step = |progress: &Progress| {
+            (progress.boot, progress.run, progress.revision, progress.done, progress.leg)
+        };
         match (unread, newer) {
             (In::Plan(unread), In::Plan(newer)) if edition(&unread) > edition(&newer) => In::Plan(unread),
             // Tiles and progress may overtake each other: the higher revision stays.
@@ -464,5 +587,9 @@ impl Input for In {
     }
 }
 
+#[cfg(test)]
+mod autonomy_tests;
+#[cfg(test)]
+mod returning_tests;
 #[cfg(test)]
 mod tests;

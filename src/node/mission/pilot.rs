@@ -82,6 +82,28 @@ enum Doing {
     },
 }
 
+/// What a search does with unknown cells, once looking at them has not helped they always count as barred.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize)]
+pub enum Unknown {
+    /// They are as good as free: the way is looked at before it is driven.
+    Free,
+    /// They are crossed only when no path leads around them.
+    LastResort,
+    /// They are barred.
+    Barred,
+}
+
+/// How the way home looks, over what is known to be free.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub enum WayHome {
+    /// It can be driven.
+    Open,
+    /// Only peers that stand are in the way.
+    BehindPeers,
+    /// Nothing known leads home, even without peers.
+    Unknown,
+}
+
 /// Drives along a way.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Pilot {
@@ -92,12 +114,16 @@ pub struct Pilot {
     /// Odometer at the end of the standing command, metres.
     commanded_m: Option<f64>,
     commanded_at: Time,
+    /// What searches do with unknown cells on this way.
+    unknown: Unknown,
     /// Unknown cells count as barred in the next search: looking did not help.
     looked: bool,
-    /// Peers that stand, and are planned around.
-    peers: Vec<Point>,
+    /// Peers that stand or are silent, each with the way that it claims: they are planned around.
+    peers: Vec<Vec<Point>>,
     /// What made the reflex halt lately, whether the map shows it or not.
     bumps: Vec<Bump>,
+    /// The way is only a wish: nothing of it is driven before a path is found.
+    needs_path: bool,
     /// A path was found, and nothing of it has been driven.
     path_is_fresh: bool,
     /// Looks since the last drive.
@@ -123,9 +149,11 @@ impl Pilot {
             doing: Doing::Driving,
             commanded_m: None,
             commanded_at: Time::ZERO,
+            unknown: Unknown::Free,
             looked: false,
             peers: Vec::new(),
             bumps: Vec::new(),
+            needs_path: false,
             path_is_fresh: false,
             looks: 0,
             trail: VecDeque::new(),
@@ -157,6 +185,7 @@ impl Pilot {
         self.doing = Doing::Driving;
         (self.commanded_m, self.retreat_m) = (None, None);
         (self.refusals, self.failures) = (0, 0);
+        (self.unknown, self.needs_path) = (Unknown::Free, false);
     }
 
     /// Tells how many searches in a row have found nothing on the way that can be reached.
@@ -182,18 +211,31 @@ impl Pilot {
         self.halted(now);
     }
 
-    /// Takes where peers stand, to be planned around.
-    pub fn keep_clear_of(&mut self, peers: Vec<Point>) {
+    /// Takes what peers that stand or are silent claim, to be planned around.
+    pub fn keep_clear_of(&mut self, peers: Vec<Vec<Point>>) {
         self.peers = peers;
     }
 
-    /// Begins the way home, over what is known to be free if it can be.
-    pub fn go_home(&mut self, now: Time, state: &State) {
+    /// Begins the way home.
+    pub fn go_home(&mut self, now: Time, state: &State, unknown: Unknown) {
         let pose = Pose::from(state.pose);
         self.give_up(pose.at);
         self.way.append([], self.settings.home, None);
-        self.looked = true;
+        (self.unknown, self.looked, self.looks) = (unknown, false, 0);
         self.search(now, pose);
+    }
+
+    /// Tells how the way home looks.
+    pub fn way_home(&self, now: Time, state: &State) -> WayHome {
+        let (pose, home) = (Pose::from(state.pose), self.settings.home);
+        let is_open = |peers| self.path(now, pose, home, false, peers).is_some();
+        if home.distance_to(pose.at) <= ARRIVED_M || is_open(&self.peers) {
+            WayHome::Open
+        } else if is_open(&[]) {
+            WayHome::BehindPeers
+        } else {
+            WayHome::Unknown
+        }
     }
 
     /// Begins a way at a place; only at rest.
@@ -321,7 +363,7 @@ impl Pilot {
         if !self.is_settled(now) {
             return None;
         }
-        if self.refusals >= REFUSALS_MAX || self.has_retreated(&release) {
+        if self.refusals >= REFUSALS_MAX || self.has_retreated(&release) || self.needs_path {
             self.refusals = 0;
             self.retreat_m = None;
             met.push(Met::Blocked(pose.at));
@@ -382,7 +424,7 @@ impl Pilot {
     fn look(&mut self, now: Time, pose: Pose, resting: bool, met: &mut Vec<Met>) -> Option<Command> {
         let release = self.release(now, pose);
         let Doing::Looking(look) = &mut self.doing else { return None };
-        if resting && release.ahead_m() >= GO_M + BACKOFF_M {
+        if resting && release.ahead_m() >= GO_M + BACKOFF_M && !self.needs_path {
             self.doing = Doing::Driving;
             return self.drive(now, pose, resting, met);
         }
@@ -394,7 +436,7 @@ impl Pilot {
             }
             Next::Stay => None,
             Next::Over => {
-                self.looked = true;
+                self.looked = !self.needs_path;
                 self.doing = Doing::Driving;
                 None
             }
@@ -427,7 +469,7 @@ impl Pilot {
         if count == 0 {
             self.failures += 1;
         }
-        self.path_is_fresh = true;
+        (self.path_is_fresh, self.needs_path) = (true, false);
         let length_m: f64 = points.windows(2).map(|pair| Segment::new(pair[0], pair[1]).length_m()).sum();
         met.push(Met::Path(length_m));
         self.way.replace(pose.at, count, &points[1..]);
@@ -439,7 +481,7 @@ impl Pilot {
 
     /// Nothing was found, or what was found is blocked at once: waits, each time longer.
     fn fail(&mut self, now: Time, met: &mut Vec<Met>) {
-        self.looked = false;
+        (self.looked, self.needs_path) = (false, self.unknown != Unknown::Free);
         self.failures += 1;
         met.push(Met::NoPath(self.failures));
         let wait = SEARCH_AGAIN * self.failures.min(LONGEST_WAIT);

@@ -1,35 +1,136 @@
-//! The way home: one vehicle after the other, lower ids first.
+//! The way home: one vehicle after the other, lower ids first, as their states or their beacons tell. Who yields to a
+//! lower id on its way steps back into the line, and so does who is barred by peers that stand: their turn comes early,
+//! and the known way is tried anew after them. Only when nobody moves any more it goes through the unknown.
 
 use std::time::Duration;
 
+use serde::{Deserialize, Serialize};
+use tomoswarm_proto::VehicleId;
+
+use super::pilot::{Unknown, WayHome};
 use super::{Mission, Out, Remark, Wanted};
+use crate::node::peers::Peer;
 use crate::time::Time;
 
 /// Before it returns, a vehicle waits until all lower ids have been quiet this long, for each of them.
 const QUIET: Duration = Duration::from_secs(2);
+/// Higher ids are waited for only until they stand, and no longer than this: they may still follow plans.
+const HIGHER_WITHIN: Duration = Duration::from_secs(60);
+/// The same for a vehicle whose way home they have barred.
+const BARRED_HIGHER_WITHIN: Duration = Duration::from_secs(180);
+/// After a try in vain to get home, the next one follows no earlier than this.
+const TRY_AGAIN: Duration = Duration::from_secs(3);
+/// A vehicle that is barred by its peers goes through the unknown when none of them has moved for this long, and longer
+/// the more there are.
+const PATIENCE: Duration = Duration::from_secs(15);
+/// Its patience ends after this long, even if they go on moving.
+const PATIENCE_MAX: Duration = Duration::from_secs(300);
+/// So many searches in vain, and another vehicle has its turn.
+const FAILURES_MAX: u32 = 6;
+/// Every so many tries the unknown is a resort, although a known way seems to be open.
+const TRIES: u32 = 3;
+
+/// How a vehicle gets on with going home.
+#[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
+pub(super) struct Line {
+    /// Not before this is the way home judged again.
+    try_at: Time,
+    /// Since when its peers bar its way.
+    barred_since: Option<Time>,
+    /// When it went, if it may go through the unknown.
+    bold_since: Option<Time>,
+    /// Tries in vain.
+    tries: u32,
+}
 
 impl Mission {
     pub(super) fn bring_home(&mut self, now: Time, since: Time, under_way: bool, out: &mut Vec<Out>) {
         let Some(state) = &self.state else { return };
         if !under_way {
-            if state.leg.is_none() && self.lower_ids_are_quiet(now, since) {
-                self.pilot.go_home(now, state);
-                self.wanted = Wanted::Returning { since, under_way: true };
+            if state.leg.is_none() && self.line.try_at <= now && self.is_its_turn(now, since) {
+                self.take_turn(now);
             }
             return;
         }
         self.drive(now, out);
         if self.pilot.way().is_empty() {
-            self.wanted = Wanted::Waiting;
+            (self.wanted, self.line) = (Wanted::Home, Line::default());
             out.push(Out::Remark(Remark::Home));
         }
     }
 
-    /// Vehicles return one after the other: all lower ids have been at rest, longer the more there are.
-    fn lower_ids_are_quiet(&self, now: Time, ordered: Time) -> bool {
-        let own = self.settings.vehicle;
-        let lower = || self.peers.iter().take_while(|(id, _)| *id < own).map(|(_, peer)| peer);
-        let quiet = QUIET * lower().count() as u32;
-        lower().all(|peer| peer.resting && now.since(peer.moved_at.max(ordered)) >= quiet)
+    /// Begins to drive home, or waits for those who bar the way.
+    fn take_turn(&mut self, now: Time) {
+        let Some(state) = &self.state else { return };
+        // Who moves is met on the way; it counts as well.
+        self.pilot.keep_clear_of(self.peers.iter().map(|(_, peer)| peer.claim.clone()).collect());
+        let unknown = match self.pilot.way_home(now, state) {
+            WayHome::Open if self.line.tries % TRIES != TRIES - 1 => Unknown::Barred,
+            WayHome::BehindPeers if !self.has_waited(now) => {
+                self.line.barred_since.get_or_insert(now);
+                return self.step_back(now);
+            }
+            WayHome::Open | WayHome::BehindPeers | WayHome::Unknown => Unknown::LastResort,
+        };
+        self.line.barred_since = None;
+        self.line.bold_since = (unknown == Unknown::LastResort).then_some(now);
+        self.pilot.go_home(now, state, unknown);
+        self.is_off_plan = true;
+        self.wanted = Wanted::Returning { since: now, under_way: true };
+    }
+
+    /// Lets the others have their turn.
+    fn step_back(&mut self, now: Time) {
+        self.line.try_at = now + TRY_AGAIN;
+        self.wanted = Wanted::Returning { since: now, under_way: false };
+    }
+
+    /// On the way home no path was found, or the one found is blocked: others may have to move first. Who goes through
+    /// the unknown goes on trying as long as nobody has.
+    pub(super) fn finds_no_way_home(&mut self, now: Time, failures: u32) {
+        if !matches!(self.wanted, Wanted::Returning { under_way: true, .. }) {
+            return;
+        }
+        let has_moved = |since: Time| self.peers.iter().any(|(_, peer)| peer.moved_at > since);
+        if failures >= FAILURES_MAX || self.line.bold_since.is_none_or(has_moved) {
+            self.line.tries += 1;
+            self.step_back(now);
+        }
+    }
+
+    /// Tells whether the peers that bar the way have had time enough.
+    fn has_waited(&self, now: Time) -> bool {
+        let Some(barred_since) = self.line.barred_since else { return false };
+        let heard = self.peers.iter().filter(|(_, peer)| !peer.is_silent(now));
+        let moved_at = heard.fold(barred_since, |latest, (_, peer)| latest.max(peer.moved_at));
+        let count = self.peers.iter().count() + self.lower().count();
+        now.since(moved_at) >= PATIENCE + QUIET * count as u32 || now.since(barred_since) >= PATIENCE_MAX
+    }
+
+    fn lower(&self) -> impl Iterator<Item = &Peer> {
+        self.peers.iter().take_while(|(id, _)| *id < self.settings.vehicle).map(|(_, peer)| peer)
+    }
+
+    /// Vehicles return one after the other: all lower ids have been at rest, longer the more there are, and the
+    /// higher ones stand.
+    fn is_its_turn(&self, now: Time, since: Time) -> bool {
+        let quiet = QUIET * self.lower().count() as u32;
+        let mut higher = self.peers.iter().filter(|(id, _)| *id > self.settings.vehicle);
+        let higher_stand = higher.all(|(_, peer)| peer.resting || peer.is_silent(now));
+        let is_barred = self.line.barred_since.is_some();
+        let within = if is_barred { BARRED_HIGHER_WITHIN } else { HIGHER_WITHIN };
+        self.lower().all(|peer| peer.is_quiet(now, since, quiet))
+            && (higher_stand || now.since(since) > within)
+    }
+
+    /// A command was refused, or given up, for a peer: when that is a lower id that drives, it goes first.
+    pub(super) fn yields_to(&mut self, peer: VehicleId) {
+        let drives = self.peers.get(peer).is_some_and(|peer| !peer.resting);
+        if let Wanted::Returning { since, under_way: true } = self.wanted
+            && drives
+            && peer < self.settings.vehicle
+        {
+            self.wanted = Wanted::Returning { since, under_way: false };
+        }
     }
 }

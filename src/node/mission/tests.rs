@@ -9,18 +9,18 @@ use super::*;
 
 const RUN: RunId = RunId(1);
 
-fn at(time_s: f64) -> Time {
+pub(super) fn at(time_s: f64) -> Time {
     Time::from_secs_f64(time_s)
 }
 
-fn told(mission: &mut Mission, time_s: f64, input: In) -> Vec<Out> {
+pub(super) fn told(mission: &mut Mission, time_s: f64, input: In) -> Vec<Out> {
     let mut out = Vec::new();
     mission.handle(at(time_s), input, &mut out).unwrap();
     out
 }
 
 /// Tiles that are free for 6 m around the datum, but for what lies in `wall` (x from, x to, metres).
-fn tiles(wall: Option<(f64, f64)>) -> Vec<In> {
+pub(super) fn tiles(wall: Option<(f64, f64)>) -> Vec<In> {
     let cell = |x: i32, index: usize| {
         let middle_m = (f64::from(x * 32 + (index % 32) as i32) + 0.5) * 0.2;
         if wall.is_some_and(|(from, to)| (from..to).contains(&middle_m)) { 17 } else { -17 }
@@ -34,7 +34,7 @@ fn tiles(wall: Option<(f64, f64)>) -> Vec<In> {
     (-1..1).flat_map(|x| (-1..1).map(move |y| (x, y))).map(|(x, y)| In::Tile(tile(x, y))).collect()
 }
 
-fn plan(revision: u32, stops: &[(f64, f64)]) -> In {
+pub(super) fn plan(revision: u32, stops: &[(f64, f64)]) -> In {
     let stop = |(index, (x_m, y_m)): (usize, &(f64, f64))| Stop {
         id: StopId(index as u32 + 1),
         at: Position { x_m: *x_m, y_m: *y_m, z_m: 0.0 },
@@ -50,13 +50,13 @@ fn plan(revision: u32, stops: &[(f64, f64)]) -> In {
     In::Plan(Plan { vehicle, run: RUN, revision, members, stops, ..Plan::default() })
 }
 
-fn order(kind: OrderKind) -> In {
+pub(super) fn order(kind: OrderKind) -> In {
     let (vehicle, lease) = (VehicleId(1), Lease::default());
     In::Order(Order { vehicle, lease, run: RUN, revision: Revision(1), seen_state: 1, kind })
 }
 
 /// A mission at the datum that has adopted a plan to (2, 0) and (2, 2), and not been started.
-fn planned(wall: Option<(f64, f64)>) -> Mission {
+pub(super) fn planned(wall: Option<(f64, f64)>) -> Mission {
     let mut mission = Mission::new(settings(1));
     told(&mut mission, 1.0, In::State(state(1, 0.0, 0.0)));
     for tile in tiles(wall) {
@@ -68,11 +68,20 @@ fn planned(wall: Option<(f64, f64)>) -> Mission {
     mission
 }
 
-fn driven(out: &[Out]) -> Option<Vec<Point>> {
+pub(super) fn driven(out: &[Out]) -> Option<Vec<Point>> {
     out.iter().find_map(|out| match out {
-        Out::Command(Command::Drive { route, .. }) => Some(route.clone()),
-        Out::Command(_) | Out::Accepted(..) | Out::Progress(_) | Out::Measure(_) | Out::Remark(_) => None,
+        Out::Command(_, Command::Drive { route, .. }) => Some(route.clone()),
+        Out::Command(..)
+        | Out::Holds(_)
+        | Out::Accepted(..)
+        | Out::Progress(_)
+        | Out::Measure(_)
+        | Out::Remark(_) => None,
     })
+}
+
+pub(super) fn holds(out: &[Out]) -> bool {
+    out.iter().any(|out| matches!(out, Out::Command(_, Command::Hold)))
 }
 
 /// Repeats a state until the mission says something that counts, or a minute is over.
@@ -90,7 +99,7 @@ fn until(mission: &mut Mission, from_s: f64, x_m: f64, counts: impl Fn(&Out) -> 
 #[test]
 fn nothing_is_driven_or_measured_before_a_start() {
     let mut mission = planned(None);
-    assert_eq!(until(&mut mission, 1.0, 0.0, |out| matches!(out, Out::Command(_) | Out::Measure(_))), None);
+    assert_eq!(until(&mut mission, 1.0, 0.0, |out| matches!(out, Out::Command(..) | Out::Measure(_))), None);
     let out = told(&mut mission, 70.0, order(OrderKind::Start));
     assert!(out.contains(&Out::Measure(Some(RUN))));
     assert_eq!(driven(&out).unwrap().last(), Some(&Point::new(2.0, 2.0)), "the first stop is driven through");
@@ -101,11 +110,11 @@ fn a_hold_stops_and_a_start_goes_on() {
     let mut mission = planned(None);
     assert!(driven(&told(&mut mission, 2.0, order(OrderKind::Start))).is_some());
     let out = told(&mut mission, 3.0, order(OrderKind::Hold));
-    assert!(out.contains(&Out::Command(Command::Hold)) && out.contains(&Out::Measure(None)));
-    assert_eq!(until(&mut mission, 3.0, 1.0, |out| matches!(out, Out::Command(_))), None);
+    assert!(holds(&out) && out.contains(&Out::Measure(None)));
+    assert_eq!(until(&mut mission, 3.0, 1.0, |out| matches!(out, Out::Command(..))), None);
     told(&mut mission, 70.0, order(OrderKind::Start));
     assert!(
-        until(&mut mission, 70.0, 1.0, |out| matches!(out, Out::Command(Command::Drive { .. }))).is_some()
+        until(&mut mission, 70.0, 1.0, |out| matches!(out, Out::Command(_, Command::Drive { .. }))).is_some()
     );
 }
 
@@ -139,9 +148,14 @@ fn the_way_home_waits_until_lower_ids_are_quiet() {
     }
     told(&mut mission, 1.0, In::Peer(State { mode: Mode::Driving, ..state(1, 5.0, 5.0) }));
     told(&mut mission, 2.0, order(OrderKind::Return));
-    let drives = |out: &Out| matches!(out, Out::Command(Command::Drive { .. }));
-    assert_eq!(until(&mut mission, 2.0, 2.0, drives), None);
-    told(&mut mission, 70.0, In::Peer(State { sequence: 2, ..state(1, 5.0, 5.0) }));
+    let drives = |out: &Out| matches!(out, Out::Command(_, Command::Drive { .. }));
+    for second in 2..22 {
+        let (now_s, sequence) = (f64::from(second), u64::from(second as u32));
+        told(&mut mission, now_s, In::Peer(State { mode: Mode::Driving, sequence, ..state(1, 5.0, 5.0) }));
+        let out = told(&mut mission, now_s, In::State(state(2, 2.0, 0.0)));
+        assert!(!out.iter().any(drives), "after {now_s} s");
+    }
+    told(&mut mission, 70.0, In::Peer(State { sequence: 30, ..state(1, 5.0, 5.0) }));
     assert!(until(&mut mission, 70.0, 2.0, drives).is_some());
 }
 
@@ -161,7 +175,7 @@ fn neither_an_order_nor_a_tile_is_lost_to_a_slow_mission() {
     assert_eq!(seat.dropped(), 0);
     let mut out = Vec::new();
     seat.act(at(2.0), |said| out.push(said)).unwrap();
-    assert!(out.contains(&Out::Command(Command::Hold)), "{out:?}");
+    assert!(holds(&out), "{out:?}");
 }
 
 #[test]
@@ -183,8 +197,10 @@ fn a_peer_whose_old_state_comes_late_is_still_driving() {
     told(&mut mission, 1.0, In::Peer(State { mode: Mode::Driving, sequence: 9, ..state(1, 5.0, 5.0) }));
     told(&mut mission, 1.1, In::Peer(State { sequence: 8, ..state(1, 5.0, 5.0) }));
     told(&mut mission, 2.0, order(OrderKind::Return));
-    let drives = |out: &Out| matches!(out, Out::Command(Command::Drive { .. }));
-    assert_eq!(until(&mut mission, 4.0, 2.0, drives), None);
+    let drives = |out: &Out| matches!(out, Out::Command(_, Command::Drive { .. }));
+    let began_s =
+        until(&mut mission, 4.0, 2.0, drives).expect("what has fallen silent is not waited for forever");
+    assert!(began_s > 20.0, "after {began_s} s");
 }
 
 #[test]

@@ -42,11 +42,13 @@ struct Rig {
     now: Time,
     disk: BTreeMap<Place, Sample>,
     forgets: Vec<(u32, u32, u64)>,
+    tally: Tally,
 }
 
 impl Rig {
     fn new() -> Rig {
-        Rig { outbox: Outbox::new(OWN), now: Time::ZERO, disk: BTreeMap::new(), forgets: Vec::new() }
+        let (now, disk) = (Time::ZERO, BTreeMap::new());
+        Rig { outbox: Outbox::new(OWN), now, disk, forgets: Vec::new(), tally: Tally::default() }
     }
 
     /// Keeps samples of boot 1 and run 1 on disk and tells of them.
@@ -79,6 +81,7 @@ impl Rig {
                     self.forgets.push((boot.0, run.0, below));
                 }
                 Out::Recall { after } => self.answer(after),
+                Out::Tally(tally) => self.tally = tally,
             }
         }
         published
@@ -107,6 +110,17 @@ impl Rig {
         let batches: Vec<Samples> = (0..seconds).flat_map(|_| self.flush()).collect();
         batches.iter().flat_map(|batch| batch.samples.iter().map(|sample| sample.sequence)).collect()
     }
+}
+
+#[test]
+fn it_tells_how_many_samples_wait_until_none_does() {
+    let mut rig = Rig::new();
+    rig.keep(0..10);
+    rig.flush();
+    assert_eq!(rig.tally, Tally { waiting: 10, lost: 0 });
+    rig.tell(have(1, &[(1, 1, 10)], &[]));
+    rig.flush();
+    assert_eq!(rig.tally.waiting, 0);
 }
 
 #[test]

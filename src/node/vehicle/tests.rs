@@ -5,6 +5,7 @@ use tomoswarm_proto::Lease;
 
 use super::*;
 use crate::geom::Angle;
+use crate::geom::Pose;
 
 const LEASE: Lease = Lease { number: 3, holder: 50 };
 
@@ -33,7 +34,7 @@ fn told(vehicle: &mut Vehicle, time_s: f64, input: In) -> Vec<Out> {
 
 fn drive(corners: &[(f64, f64)]) -> In {
     let route = corners.iter().map(|(x_m, y_m)| Point::new(*x_m, *y_m)).collect();
-    In::Command(Command::Drive { stop: None, route })
+    In::Command(Time::NEVER, Command::Drive { stop: None, route })
 }
 
 fn order(kind: OrderKind, lease: Lease, revision: u32, seen_state: u64) -> Order {
@@ -101,10 +102,15 @@ fn who_does_not_know_where_it_is_does_not_drive() {
     let out = told(&mut vehicle, 4.0, drive(&[(0.0, 0.0), (1.0, 0.0)]));
     assert_eq!(refusal(&out), Some(Refusal::NoPose), "three seconds old");
     told(&mut vehicle, 5.0, telemetry(0.0, 0.0, 0.6));
-    for command in [drive(&[(0.0, 0.0), (1.0, 0.0)]), In::Command(Command::Turn(Angle::default()))] {
+    for command in
+        [drive(&[(0.0, 0.0), (1.0, 0.0)]), In::Command(Time::NEVER, Command::Turn(Angle::default()))]
+    {
         assert_eq!(refusal(&told(&mut vehicle, 5.0, command)), Some(Refusal::PoseUncertain));
     }
-    assert!(stops(&told(&mut vehicle, 5.0, In::Command(Command::Hold))), "holding is always allowed");
+    assert!(
+        stops(&told(&mut vehicle, 5.0, In::Command(Time::NEVER, Command::Hold))),
+        "holding is always allowed"
+    );
 }
 
 #[test]
@@ -253,4 +259,81 @@ fn an_order_is_judged_by_the_age_of_its_state_however_often_states_are_made() {
     }
     assert!(obeyed(&told(&mut vehicle, 12.0, In::Order(order(OrderKind::Start, LEASE, 1, 2)))), "10 s old");
     assert!(!obeyed(&told(&mut vehicle, 18.0, In::Order(order(OrderKind::Start, LEASE, 2, 2)))), "16 s old");
+}
+
+fn flown(out: &[Out]) -> Vec<Fly> {
+    let fly = |out: &Out| match out {
+        Out::Fly(fly) => Some(fly.clone()),
+        Out::Remark(_) | Out::State(_) | Out::Publish(_) | Out::Order(_) => None,
+    };
+    out.iter().filter_map(fly).collect()
+}
+
+#[test]
+fn a_command_decided_long_ago_is_refused_and_a_late_hold_obeyed() {
+    let route = vec![Point::new(0.0, 0.0), Point::new(2.0, 0.0)];
+    let drive = Command::Drive { stop: None, route };
+    let mut vehicle = vehicle();
+    let out = told(&mut vehicle, 2.5, In::Command(at(1.4), drive.clone()));
+    assert_eq!(refusal(&out), Some(Refusal::Old));
+    assert!(flies(&told(&mut vehicle, 2.5, In::Command(at(1.6), drive))));
+    assert!(stops(&told(&mut vehicle, 2.6, In::Command(at(1.0), Command::Hold))));
+}
+
+#[test]
+fn an_emergency_holds_and_disarms_once_at_rest_and_a_start_arms() {
+    let lease = Lease::default();
+    let mut vehicle = vehicle();
+    told(&mut vehicle, 1.0, drive(&[(0.0, 0.0), (3.0, 0.0)]));
+    told(&mut vehicle, 2.0, telemetry(0.5, 0.5, 0.05));
+    let out = told(&mut vehicle, 2.0, In::Order(order(OrderKind::Emergency, lease, 1, 1)));
+    assert_eq!(flown(&out), [Fly::Stop], "at once");
+    let mut disarmed = Vec::new();
+    for (tenth, speed_mps) in [(1, 0.4), (4, 0.1), (8, 0.0), (9, 0.0), (10, 0.0)] {
+        let now_s = 2.0 + 0.1 * f64::from(tenth);
+        for fly in flown(&told(&mut vehicle, now_s, telemetry(0.6, speed_mps, 0.05))) {
+            disarmed.push((tenth, fly));
+        }
+    }
+    assert_eq!(disarmed, [(8, Fly::Disarm)]);
+    let out = told(&mut vehicle, 3.1, In::Order(order(OrderKind::Start, lease, 2, 1)));
+    assert_eq!(flown(&out), [Fly::Arm]);
+}
+
+#[test]
+fn cutting_the_motors_disarms_at_once_and_nothing_is_driven_until_a_start() {
+    let lease = Lease::default();
+    let mut vehicle = vehicle();
+    let out = told(&mut vehicle, 1.0, In::Order(order(OrderKind::CutMotors, lease, 1, 1)));
+    assert_eq!(flown(&out), [Fly::Stop, Fly::Disarm]);
+    let land = In::Order(order(OrderKind::Start, lease, 2, 1));
+    told(&mut vehicle, 1.1, land);
+    assert!(flies(&told(&mut vehicle, 1.2, drive(&[(0.0, 0.0), (3.0, 0.0)]))));
+}
+
+#[test]
+fn a_landed_rover_holds_is_disarmed_and_refuses_to_drive() {
+    let mut vehicle = vehicle();
+    told(&mut vehicle, 1.0, In::Order(order(OrderKind::Land, Lease::default(), 1, 1)));
+    assert_eq!(flown(&told(&mut vehicle, 1.5, telemetry(0.0, 0.0, 0.05))), [Fly::Disarm]);
+    let out = told(&mut vehicle, 1.6, drive(&[(0.0, 0.0), (3.0, 0.0)]));
+    assert_eq!(refusal(&out), Some(Refusal::Disarmed));
+}
+
+#[test]
+fn off_plan_a_vehicle_stops_for_a_peer_that_drives_into_its_way_and_on_plan_it_does_not() {
+    for (stop, yields) in [(None, true), (Some(tomoswarm_proto::StopId(4)), false)] {
+        let mut vehicle = vehicle();
+        let route = vec![Point::new(0.0, 0.0), Point::new(6.0, 0.0)];
+        told(&mut vehicle, 1.0, In::Command(at(1.0), Command::Drive { stop, route }));
+        let resting = super::super::tests_support::state(2, 4.0, 3.0);
+        assert!(!stops(&told(&mut vehicle, 1.2, In::Peer(resting.clone()))));
+        let corners = [(4.0, 3.0), (4.0, 0.0)].map(|(x, y)| Point::new(x, y).into());
+        let leg = Some(LegReport { route: corners.to_vec() });
+        let driving = State { sequence: 2, mode: Mode::Driving, leg, ..resting };
+        let out = told(&mut vehicle, 1.4, In::Peer(driving));
+        assert_eq!(stops(&out), yields);
+        let separation = Some(Refusal::Separation(VehicleId(2)));
+        assert_eq!(refusal(&out), separation.filter(|_| yields));
+    }
 }

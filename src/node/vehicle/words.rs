@@ -60,6 +60,10 @@ pub enum Fly {
     Turn(Angle),
     /// Brake and stand.
     Stop,
+    /// Let the motors turn again; no effect on one that is armed.
+    Arm,
+    /// Cut the motors; nothing moves before it is armed.
+    Disarm,
 }
 
 /// What the envelope or the reflex decided.
@@ -115,4 +119,8 @@ pub enum Refusal {
     Bump,
     /// An emergency order stands.
     Emergency,
+    /// The motors are cut, until a start.
+    Disarmed,
+    /// The command was decided too long ago.
+    Old,
 }

@@ -19,6 +19,7 @@ fn settings(node: Sender, topology: Topology, listen: &[String], connect: &[Stri
         trust: None,
         lease: Duration::from_secs(3),
         egress_bytes_per_s: 64_000,
+        gossip: true,
     }
 }
 
@@ -72,6 +73,18 @@ fn clients_hear_each_other_through_the_ground_also_when_it_comes_later() {
     let (two, by_two) = open(settings(TWO, Topology::Star, &[], std::slice::from_ref(&hub)));
     assert_eq!(two.mouth().links(), 0);
     let (_ground, _) = open(settings(Sender::Ground, Topology::Star, &[hub], &[]));
+    assert_eq!(
+        until_heard(&one.mouth(), &progress(1, 7), &by_two),
+        Some(Heard::Message(ONE, progress(1, 7)))
+    );
+}
+
+#[test]
+fn a_peer_finds_its_neighbour_also_when_that_one_comes_later() {
+    let (here, there) = (free_endpoint(), free_endpoint());
+    let (one, _by_one) = open(settings(ONE, Topology::Mesh, &[here], std::slice::from_ref(&there)));
+    std::thread::sleep(Duration::from_secs(1));
+    let (_two, by_two) = open(settings(TWO, Topology::Mesh, &[there], &[]));
     assert_eq!(
         until_heard(&one.mouth(), &progress(1, 7), &by_two),
         Some(Heard::Message(ONE, progress(1, 7)))

@@ -22,8 +22,9 @@ pub fn session(settings: &BusSettings, is_hub: bool) -> Value {
         "mode": mode,
         "connect": {
             "endpoints": endpoints(&settings.connect),
-            // A peer goes on trying in the background; a client's opening fails at once, and the bus tries again.
-            "timeout_ms": { "router": 0, "peer": 0, "client": 0 },
+            // A peer goes on trying in the background for ever (with 0 it would try once); a client's opening fails at
+            // once, and the bus tries again.
+            "timeout_ms": { "router": -1, "peer": -1, "client": 0 },
             "exit_on_failure": { "router": false, "peer": false, "client": true },
             "retry": { "period_init_ms": 100, "period_max_ms": 500, "period_increase_factor": 2 },
         },
@@ -38,7 +39,7 @@ pub fn session(settings: &BusSettings, is_hub: bool) -> Value {
             "delay": 1,
             "timeout": 1000,
             "multicast": { "enabled": false },
-            "gossip": { "enabled": true },
+            "gossip": { "enabled": settings.gossip },
         },
         "timestamping": { "enabled": false },
         "transport": {

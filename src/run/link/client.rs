@@ -118,6 +118,7 @@ fn word(effect: &Effect) -> Option<ToWorld> {
         | Effect::Keep(..)
         | Effect::Forget { .. }
         | Effect::Recall { .. }
+        | Effect::Tally(_)
         | Effect::Note(_) => None,
     }
 }

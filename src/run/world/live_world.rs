@@ -143,9 +143,9 @@ impl LiveWorld {
         }
     }
 
-    fn report(&self, index: usize, said: &mut Vec<Said>) {
+    fn report(&mut self, index: usize, said: &mut Vec<Said>) {
         if self.seats[index].driver.is_some() {
-            said.push((index, FromWorld::Telemetry(self.outside.world().telemetry(index, self.now))));
+            said.push((index, FromWorld::Telemetry(self.outside.telemetry(index, self.now))));
         }
     }
 
@@ -201,7 +201,7 @@ impl LiveWorld {
             return Err(Refused::Outdated { vehicle, present, found: boot });
         }
         (seat.driver, seat.highest, seat.heard_at) = (Some(boot), Some(boot), self.now);
-        let start = self.outside.world().telemetry(index, self.now).pose;
+        let start = self.outside.telemetry(index, self.now).pose;
         Ok((index, Welcome { now_ns: self.now.as_nanos(), start: Some(start) }))
     }
 
@@ -232,7 +232,7 @@ impl LiveWorld {
     }
 
     fn fly(&mut self, index: usize, fly: &Fly) {
-        self.seats[index].moves = *fly != Fly::Stop;
+        self.seats[index].moves = matches!(fly, Fly::Drive { .. } | Fly::Turn(_));
         let foreseen = self.outside.fly(index, self.now, fly);
         self.touches.retain(|touch| touch.one.0 != index && touch.other.is_none_or(|peer| peer.0 != index));
         self.touches.extend(foreseen);

@@ -4,7 +4,7 @@
 use std::time::Duration;
 
 use tomoswarm_proto::{
-    Boot, Lease, Message, Order, OrderKind, Plan, Position, Revision, RunId, Stop, StopId, VehicleId,
+    Boot, Have, Lease, Message, Order, OrderKind, Plan, Position, Revision, RunId, Stop, StopId, VehicleId,
 };
 
 use super::super::body::Limits;
@@ -68,7 +68,14 @@ fn settings() -> Settings {
             settle: Duration::from_millis(30),
         },
         radio: RadioSettings { channel: 15, power_dbm: 0, slot: Duration::from_millis(50) },
-        safety: SafetySettings { padding_m: 0.1, separation_m: 1.0, pose_sd_max_m: 0.5 },
+        safety: SafetySettings {
+            padding_m: 0.1,
+            separation_m: 1.0,
+            pose_sd_max_m: 0.5,
+            autonomy: Duration::from_secs(60),
+            battery_return: 0.2,
+            battery_hold: 0.05,
+        },
         path_time: Duration::from_millis(50),
     }
 }
@@ -107,6 +114,8 @@ impl Rig {
             },
             pose_sd_m,
             pose_drift: Duration::from_secs(20),
+            endurance_driving: Duration::from_secs(20_000),
+            endurance_resting: Duration::from_secs(80_000),
         };
         let range = RangeModel {
             half_angle_rad: 15f64.to_radians(),
@@ -172,7 +181,9 @@ impl Rig {
             self.world.touch(&touch);
         }
         if self.now.as_nanos().is_multiple_of(100_000_000) {
-            self.tell(Event::Telemetry(self.world.telemetry(0, self.now)));
+            let telemetry = self.world.telemetry(0, self.now);
+            self.tell(Event::Telemetry(telemetry));
+            self.tell(Event::Bus(Message::Have(Have::default())));
         }
         let due: Vec<_> = self.echoes.extract_if(.., |(at, _)| *at <= self.now).collect();
         for (_, echo) in due {
@@ -207,7 +218,7 @@ impl Rig {
                 }
                 Effect::Note(note) => self.notes.push(note),
                 Effect::Transmit(_) | Effect::Publish(_) => {}
-                Effect::Keep(..) | Effect::Forget { .. } | Effect::Recall { .. } => {}
+                Effect::Keep(..) | Effect::Forget { .. } | Effect::Recall { .. } | Effect::Tally(_) => {}
             }
         }
     }

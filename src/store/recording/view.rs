@@ -112,7 +112,8 @@ impl View {
     fn mission(&self, now: Time, out: &mission::Out) -> Option<Shown> {
         match out {
             mission::Out::Remark(remark) => Some(self.log(now, INFO, "mission", &format!("{remark:?}"))),
-            mission::Out::Command(_)
+            mission::Out::Command(..)
+            | mission::Out::Holds(_)
             | mission::Out::Accepted(..)
             | mission::Out::Progress(_)
             | mission::Out::Measure(_) => None,

@@ -1,7 +1,5 @@
 //! Who gets in: certificates, the roster, and `tomoswarm enroll` from the first call to a revocation.
 
-#![cfg(feature = "net")]
-
 use std::fs;
 use std::os::unix::fs::PermissionsExt;
 use std::path::Path;

@@ -1,6 +1,4 @@
 //! The operator's tools as programs, over loopback, against nodes that this test plays on the real bus.
-#![cfg(feature = "net")]
-#![allow(clippy::disallowed_methods, reason = "the nodes that are played speak in real time")]
 
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output, Stdio};
@@ -64,6 +62,7 @@ fn play(
         trust: None,
         lease: Duration::from_secs(3),
         egress_bytes_per_s: 64_000,
+        gossip: true,
     };
     let bus = Bus::open(settings, Clock::start(), Troubles::default(), hear).unwrap();
     bus.mouth().speak();

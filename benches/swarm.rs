@@ -1,0 +1,443 @@
+//! Figures of a live swarm on this machine, over loopback: `cargo bench --bench swarm [-- WHAT]`, where WHAT is one of
+//! `emergency`, `partition`, `start`, `star` (`star 600` keeps it for ten minutes); without it all but the long ones.
+//!
+//! - emergency: an emergency order → heard by each of four vehicles, through a relay of 5 Mbit/s and 20 ms, while every
+//!   vehicle has more tiles to send than fit;
+//! - partition: the last link is restored after 60 s apart → both maps hold everything, through the relay;
+//! - start: a vehicle's process starts → it is heard in a mesh of ten nodes; memory and processor of an idle vehicle;
+//! - star: fifty vehicle processes around one ground station: heard, memory, processor.
+
+#[path = "../tests/net/relay.rs"]
+mod relay;
+
+use std::collections::BTreeMap;
+use std::net::SocketAddr;
+use std::path::Path;
+use std::process::{Child, Command, Stdio};
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc::{Receiver, channel};
+use std::sync::{Arc, Mutex, PoisonError};
+use std::time::{Duration, Instant};
+
+use relay::Relay;
+use tomoswarm::config::{self, bundled};
+use tomoswarm::geom::{Angle, Point, Pose};
+use tomoswarm::node::Settings;
+use tomoswarm::node::map::{self, Map};
+use tomoswarm::node::sensor::Scan;
+use tomoswarm::run::bus::{Bus, BusSettings, Heard, Mouth, Topology};
+use tomoswarm::run::clock::Clock;
+use tomoswarm::run::desk::{Desk, Office, Post, Troubles, seat};
+use tomoswarm_proto::{
+    Boot, LayerId, Lease, Message, Order, OrderKind, Revision, RunId, Sender, TileAddress, TileReport, VehicleId,
+};
+
+const PROGRAM: &str = env!("CARGO_BIN_EXE_tomoswarm");
+/// The shaped link: 5 Mbit/s, 20 ms each way.
+const RATE_BYTES_PER_S: f64 = 5e6 / 8.0;
+const DELAY: Duration = Duration::from_millis(20);
+
+fn main() {
+    let words: Vec<String> = std::env::args().skip(1).filter(|word| !word.starts_with("--")).collect();
+    let wanted = |what: &str| words.is_empty() || words.iter().any(|word| word == what);
+    println!("machine: {} cores", std::thread::available_parallelism().map_or(0, usize::from));
+    if wanted("emergency") {
+        emergency(64_000, "with the default budget of a vehicle (64 kB/s)");
+        emergency(5_000_000, "with a budget that the link cannot carry (5 MB/s)");
+    }
+    if wanted("partition") {
+        partition();
+    }
+    if wanted("start") {
+        start();
+    }
+    if wanted("star") {
+        let seconds = words.iter().find_map(|word| word.parse().ok()).unwrap_or(60);
+        star(seconds);
+    }
+}
+
+fn free_address() -> SocketAddr {
+    let socket = std::net::TcpListener::bind("127.0.0.1:0").unwrap();
+    socket.local_addr().unwrap()
+}
+
+struct Join {
+    node: Sender,
+    topology: Topology,
+    listen: Vec<SocketAddr>,
+    connect: Vec<SocketAddr>,
+    egress_bytes_per_s: u32,
+}
+
+fn bus(join: Join, hear: impl Fn(Heard) + Send + Sync + 'static) -> Bus {
+    let endpoints = |all: Vec<SocketAddr>| all.into_iter().map(|at| format!("tcp/{at}")).collect();
+    let settings = BusSettings {
+        node: join.node,
+        prefix: "tomoswarm/bench".to_owned(),
+        topology: join.topology,
+        listen: endpoints(join.listen),
+        connect: endpoints(join.connect),
+        trust: None,
+        gossip: false,
+        lease: Duration::from_secs(3),
+        egress_bytes_per_s: join.egress_bytes_per_s,
+    };
+    let bus = Bus::open(settings, Clock::start(), Troubles::default(), hear).unwrap();
+    bus.mouth().speak();
+    bus
+}
+
+/// A tile that does not pack well, as noise would not.
+fn tile(vehicle: u8, number: u32) -> Message {
+    let layer = LayerId { vehicle: VehicleId(vehicle), boot: Boot(1) };
+    let cells = Arc::new(std::array::from_fn(|index| ((index as u32 * 7919 + number * 104_729) % 35) as i8 - 17));
+    let address = TileAddress { slice: 0, x: (number % 64) as i32, y: (number / 64 % 64) as i32 };
+    Message::Tile(TileReport { layer, address, revision: number, cells })
+}
+
+const VEHICLES: u8 = 4;
+const ORDERS: u32 = 150;
+
+fn emergency(egress_bytes_per_s: u32, what: &str) {
+    let hub = free_address();
+    let ground = bus(
+        Join { node: Sender::Ground, topology: Topology::Star, listen: vec![hub], connect: vec![], egress_bytes_per_s: 1_000_000 },
+        |_| {},
+    );
+    let is_over = Arc::new(AtomicBool::new(false));
+    let (mut buses, mut relays, mut ears, mut floods) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
+    for id in 1..=VEHICLES {
+        let relay = Relay::start(hub);
+        relay.shape(RATE_BYTES_PER_S, DELAY);
+        let (heard, by_vehicle) = channel();
+        let heard = Mutex::new(heard);
+        let hear = move |what| {
+            if let Heard::Message(_, Message::Order(order)) = what {
+                heard.lock().unwrap_or_else(PoisonError::into_inner).send((order.revision, Instant::now())).unwrap_or_default();
+            }
+        };
+        let node = Sender::Vehicle(VehicleId(id));
+        let connect = vec![relay.address()];
+        let bus = bus(Join { node, topology: Topology::Star, listen: vec![], connect, egress_bytes_per_s }, hear);
+        floods.push(flood(bus.mouth(), id, is_over.clone()));
+        buses.push(bus);
+        relays.push(relay);
+        ears.push(by_vehicle);
+    }
+    std::thread::sleep(Duration::from_secs(4));
+    let mut spans = Vec::new();
+    for number in 1..=ORDERS {
+        for (index, ear) in ears.iter().enumerate() {
+            spans.extend(ordered(&ground.mouth(), index as u8 + 1, number, ear));
+        }
+        std::thread::sleep(Duration::from_millis(20));
+    }
+    is_over.store(true, Ordering::Relaxed);
+    floods.into_iter().for_each(|flood| flood.join().unwrap());
+    let carried: u64 = relays.iter().map(Relay::carried).sum();
+    println!("\nemergency, {what}: {} of {} heard at once; relays carried {:.1} MB", spans.len(), ORDERS * u32::from(VEHICLES), carried as f64 / 1e6);
+    print_row("order -> heard by the vehicle", &mut spans, 150.0);
+}
+
+fn flood(mouth: Mouth, id: u8, is_over: Arc<AtomicBool>) -> std::thread::JoinHandle<()> {
+    std::thread::spawn(move || {
+        let mut number = 0;
+        while !is_over.load(Ordering::Relaxed) {
+            (0..8).for_each(|more| mouth.publish(&tile(id, number + more)));
+            number += 8;
+            std::thread::sleep(Duration::from_millis(4));
+        }
+    })
+}
+
+fn ordered(mouth: &Mouth, vehicle: u8, number: u32, ear: &Receiver<(Revision, Instant)>) -> Option<Duration> {
+    let lease = Lease { number: 1, holder: 1 };
+    let (vehicle, run, revision) = (VehicleId(vehicle), RunId(1), Revision(number));
+    let order = Order { vehicle, lease, run, revision, seen_state: 1, kind: OrderKind::Emergency };
+    let began = Instant::now();
+    mouth.publish(&Message::Order(order));
+    while let Ok((heard, at)) = ear.recv_timeout(Duration::from_secs(2)) {
+        if heard == revision {
+            return Some(at - began);
+        }
+    }
+    None
+}
+
+/// A map actor on the bus, that tells how many of the other's tiles it holds at their newest.
+struct Mapper {
+    desk: Desk<map::In>,
+    _bus: Bus,
+    held: Arc<Mutex<BTreeMap<TileAddress, u32>>>,
+}
+
+fn mapper(id: u8, listen: SocketAddr, connect: Vec<SocketAddr>) -> Mapper {
+    let desk: Desk<map::In> = Desk::shared("map");
+    let to_map = desk.clone();
+    let hear = move |heard| match heard {
+        Heard::Message(_, Message::Tile(report)) => to_map.tell(map::In::Tile(report)),
+        Heard::Message(_, Message::Digest(digest)) => to_map.tell(map::In::Digest(digest)),
+        Heard::Message(_, Message::Want(want)) => to_map.tell(map::In::Want(want)),
+        Heard::Message(..) | Heard::Greeting(..) => {}
+    };
+    let node = Sender::Vehicle(VehicleId(id));
+    let join = Join { node, topology: Topology::Mesh, listen: vec![listen], connect, egress_bytes_per_s: 64_000 };
+    let bus = bus(join, hear);
+    let (endings, _) = channel();
+    let office = Office { clock: Clock::start(), troubles: Troubles::default(), endings };
+    let settings = settings(id);
+    let (mouth, held) = (bus.mouth(), Arc::new(Mutex::new(BTreeMap::new())));
+    let of_map = held.clone();
+    let say = move |out| match out {
+        map::Out::Publish(message) => mouth.publish(&message),
+        map::Out::Tiles(tiles) => {
+            let mut held = of_map.lock().unwrap_or_else(PoisonError::into_inner);
+            // One vehicle maps, so addresses are enough.
+            held.extend(tiles.into_iter().map(|tile| (tile.address, tile.revision)));
+        }
+    };
+    seat(&office, &desk, Post::Vital, None, move || Ok(Map::new(settings.clone())), say).unwrap();
+    Mapper { desk, _bus: bus, held }
+}
+
+/// A vehicle of the bundled simulation.
+fn settings(id: u8) -> Settings {
+    let mut loader = |name: &str| bundled::load(name);
+    let text = loader(bundled::COURTYARD).unwrap();
+    let sim = config::read_sim(bundled::COURTYARD, &text, None, &mut loader).unwrap();
+    let home = sim.home(VehicleId(id)).unwrap();
+    Settings::from_config(&sim, VehicleId(id), Boot(1), home)
+}
+
+const APART: Duration = Duration::from_secs(60);
+
+fn partition() {
+    let here = free_address();
+    let relay = Relay::start(here);
+    relay.shape(RATE_BYTES_PER_S, DELAY);
+    let one = mapper(1, here, vec![]);
+    let two = mapper(2, free_address(), vec![relay.address()]);
+    let look = |mapper: &Mapper, number: u32| {
+        let at = Point::new(f64::from(number % 10) * 6.4 + 1.0, f64::from(number / 10) * 6.4 + 1.0);
+        let heading = Angle::from_degrees(f64::from(number * 37));
+        let pose = Pose { at, heading, sd_m: 0.05 };
+        mapper.desk.tell(map::In::Scan(Scan { pose, beam: Angle::default(), range_m: Some(2.0), suspect: false }));
+    };
+    (0..20).for_each(|number| look(&one, number));
+    assert!(within(Duration::from_secs(20), || lacking(&one, &two) == 0), "the maps are equal before");
+    relay.cut();
+    let began = Instant::now();
+    let mut number = 0;
+    while began.elapsed() < APART {
+        look(&one, number % 80);
+        number += 1;
+        std::thread::sleep(Duration::from_millis(100));
+    }
+    std::thread::sleep(Duration::from_millis(500));
+    let missing = lacking(&one, &two);
+    relay.restore();
+    let began = Instant::now();
+    let is_equal = within(Duration::from_secs(30), || lacking(&one, &two) == 0);
+    println!("\npartition: 60 s apart, {missing} tiles behind; equal again: {is_equal}, after {:.2} s (wanted <= 3 s)", began.elapsed().as_secs_f64());
+    one.desk.close();
+    two.desk.close();
+}
+
+/// Gives how many tiles of one the other does not hold at their newest.
+fn lacking(one: &Mapper, other: &Mapper) -> usize {
+    let (one, other) = (one.held.lock().unwrap(), other.held.lock().unwrap());
+    one.iter().filter(|(address, revision)| other.get(address) != Some(revision)).count()
+}
+
+fn within(limit: Duration, mut holds: impl FnMut() -> bool) -> bool {
+    let began = Instant::now();
+    while began.elapsed() < limit {
+        if holds() {
+            return true;
+        }
+        std::thread::sleep(Duration::from_millis(5));
+    }
+    false
+}
+
+/// Processes that end with this value.
+struct Processes(BTreeMap<String, Child>);
+
+impl Processes {
+    fn start(&mut self, folder: &Path, name: &str, words: &[&str]) -> Instant {
+        let log = std::fs::File::create(folder.join(format!("{name}.log"))).unwrap();
+        let mut program = Command::new(PROGRAM);
+        let began = Instant::now();
+        let program = program.args(words).current_dir(folder).stdin(Stdio::null());
+        let child = program.stdout(Stdio::null()).stderr(log).spawn().unwrap();
+        self.0.insert(name.to_owned(), child);
+        began
+    }
+
+    fn kill(&mut self, name: &str) {
+        if let Some(mut child) = self.0.remove(name) {
+            child.kill().unwrap();
+            child.wait().unwrap();
+        }
+    }
+}
+
+impl Drop for Processes {
+    fn drop(&mut self) {
+        for child in self.0.values_mut() {
+            let _ = child.kill();
+            let _ = child.wait();
+        }
+    }
+}
+
+/// A folder with the files of a world, a ground station and vehicles.
+struct Files {
+    folder: tempfile::TempDir,
+    ground: SocketAddr,
+    vehicles: BTreeMap<u8, SocketAddr>,
+}
+
+fn files(count: u8, topology: &str) -> Files {
+    let folder = tempfile::tempdir().unwrap();
+    let write = |name: &str, text: String| std::fs::write(folder.path().join(name), text).unwrap();
+    let homes: Vec<String> = (0..count).map(|id| format!("[{}, {}]", -3 - 2 * i32::from(id / 10), 2 * i32::from(id % 10))).collect();
+    write("venue.toml", format!("kind = \"venue\"\nname = \"bench\"\narea_m = [0, 0, 20, 20]\nfence_m = [[-40, -40], [40, -40], [40, 40], [-40, 40]]\nhomes_m = [{}]\n[datum]\nlatitude_deg = 52.0\nlongitude_deg = 4.0\n", homes.join(", ")));
+    write("scene.toml", "kind = \"scene\"\nname = \"bench\"\n".to_owned());
+    let (world, ground) = (free_address(), free_address());
+    let vehicles: BTreeMap<u8, SocketAddr> = (1..=count).map(|id| (id, free_address())).collect();
+    write("sim.toml", format!("kind = \"sim\"\nvenue = \"venue.toml\"\nscene = \"scene.toml\"\n[vehicles]\ncount = {count}\n"));
+    write("world", world.to_string());
+    let ids: Vec<String> = vehicles.keys().map(u8::to_string).collect();
+    write("ground.toml", format!("kind = \"ground\"\nvenue = \"venue.toml\"\nvehicles = [{}]\nstate_dir = \"state-g\"\n[bus]\ntopology = \"{topology}\"\nlisten = [\"tcp/{ground}\"]\n", ids.join(", ")));
+    let drivers: String = ["autopilot", "range", "servo", "radio"].map(|part| format!("[{part}]\ndriver = \"sim\"\n")).concat();
+    for (id, own) in &vehicles {
+        let listen = if topology == "mesh" { format!("listen = [\"tcp/{own}\"]\n") } else { String::new() };
+        write(&format!("v{id}.toml"), format!("kind = \"vehicle\"\nvenue = \"venue.toml\"\nid = {id}\nstate_dir = \"state-{id}\"\n{drivers}[world]\nconnect = \"{world}\"\ntoken = \"bench-token\"\n[bus]\ntopology = \"{topology}\"\n{listen}connect = [\"tcp/{ground}\"]\n"));
+    }
+    Files { folder, ground, vehicles }
+}
+
+/// When each vehicle's newest State was heard.
+type LastHeard = Arc<Mutex<BTreeMap<u8, (Boot, Instant)>>>;
+
+fn listen(files: &Files, topology: Topology) -> (Bus, LastHeard) {
+    let heard: LastHeard = Arc::default();
+    let of_bus = heard.clone();
+    let hear = move |what| {
+        if let Heard::Message(_, Message::State(state)) = what {
+            of_bus.lock().unwrap().insert(state.vehicle.0, (state.boot, Instant::now()));
+        }
+    };
+    let listen = if topology == Topology::Mesh { vec![free_address()] } else { vec![] };
+    let settings = BusSettings {
+        node: Sender::Operator,
+        prefix: "tomoswarm/bench".to_owned(),
+        topology,
+        listen: listen.into_iter().map(|at| format!("tcp/{at}")).collect(),
+        connect: vec![format!("tcp/{}", files.ground)],
+        trust: None,
+        gossip: true,
+        lease: Duration::from_secs(3),
+        egress_bytes_per_s: 64_000,
+    };
+    (Bus::open(settings, Clock::start(), Troubles::default(), hear).unwrap(), heard)
+}
+
+fn begin(files: &Files, processes: &mut Processes) {
+    let folder = files.folder.path();
+    let world = std::fs::read_to_string(folder.join("world")).unwrap();
+    processes.start(folder, "world", &["world", "sim.toml", "--listen", &world, "--token", "bench-token"]);
+    processes.start(folder, "ground", &["ground", "ground.toml"]);
+    std::thread::sleep(Duration::from_secs(2));
+}
+
+fn start() {
+    let files = files(8, "mesh");
+    let mut processes = Processes(BTreeMap::new());
+    begin(&files, &mut processes);
+    let (_bus, heard) = listen(&files, Topology::Mesh);
+    let mut spans = Vec::new();
+    let folder = files.folder.path().to_owned();
+    let start = |id: u8, processes: &mut Processes| processes.start(&folder, &format!("v{id}"), &["vehicle", &format!("v{id}.toml")]);
+    let began: Vec<(u8, Instant)> = files.vehicles.keys().map(|id| (*id, start(*id, &mut processes))).collect();
+    for (id, began) in began {
+        spans.extend(first_heard(&heard, id, Boot(1), began));
+    }
+    let at_once = spans.len();
+    for boot in 2..=8 {
+        for id in files.vehicles.keys() {
+            processes.kill(&format!("v{id}"));
+            let began = start(*id, &mut processes);
+            spans.extend(first_heard(&heard, *id, Boot(boot), began));
+        }
+    }
+    println!("\nstart, in a mesh of 8 vehicles, ground and operator: {at_once} started at once, {} one by one (killed before)", spans.len() - at_once);
+    print_row("process start -> its State heard", &mut spans, 2000.0);
+    std::thread::sleep(Duration::from_secs(5));
+    use_of(&processes, 20);
+}
+
+fn first_heard(heard: &LastHeard, id: u8, boot: Boot, began: Instant) -> Option<Duration> {
+    let is_heard = || heard.lock().unwrap().get(&id).is_some_and(|(known, _)| *known == boot);
+    within(Duration::from_secs(20), is_heard).then(|| began.elapsed())
+}
+
+/// Prints memory and processor of the vehicles over some seconds at rest.
+fn use_of(processes: &Processes, seconds: u64) {
+    let ticks = |child: &Child| {
+        let text = std::fs::read_to_string(format!("/proc/{}/stat", child.id())).unwrap_or_default();
+        let fields: Vec<&str> = text.rsplit(')').next().unwrap_or_default().split_whitespace().collect();
+        let field = |index: usize| fields.get(index).and_then(|word| word.parse::<u64>().ok()).unwrap_or(0);
+        field(11) + field(12)
+    };
+    let memory_kb = |child: &Child| {
+        let text = std::fs::read_to_string(format!("/proc/{}/status", child.id())).unwrap_or_default();
+        let line = text.lines().find_map(|line| line.strip_prefix("VmRSS:")).unwrap_or_default().to_owned();
+        line.split_whitespace().next().and_then(|word| word.parse::<f64>().ok()).unwrap_or(0.0)
+    };
+    let before: BTreeMap<&String, u64> = processes.0.iter().map(|(name, child)| (name, ticks(child))).collect();
+    std::thread::sleep(Duration::from_secs(seconds));
+    let is_vehicle = |name: &&String| name.starts_with('v');
+    let share = |name: &String| (ticks(&processes.0[name]) - before[name]) as f64 / seconds as f64;
+    let mut shares: Vec<f64> = processes.0.keys().filter(is_vehicle).map(share).collect();
+    let mut memory: Vec<f64> = processes.0.iter().filter(|(name, _)| is_vehicle(name)).map(|(_, child)| memory_kb(child) / 1e3).collect();
+    shares.sort_by(f64::total_cmp);
+    memory.sort_by(f64::total_cmp);
+    let (middle, last) = (shares.len() / 2, shares.len() - 1);
+    println!("vehicle process at rest: median {:.2} %, most {:.2} % of one core (wanted <= 1 %); resident median {:.1} MB, most {:.1} MB (wanted < 40 MB)", shares[middle], shares[last], memory[middle], memory[last]);
+    for name in ["ground", "world"] {
+        let name = name.to_owned();
+        println!("{name}: {:.2} % of one core, {:.1} MB", share(&name), memory_kb(&processes.0[&name]) / 1e3);
+    }
+}
+
+fn star(seconds: u64) {
+    let files = files(50, "star");
+    let mut processes = Processes(BTreeMap::new());
+    begin(&files, &mut processes);
+    let (_bus, heard) = listen(&files, Topology::Star);
+    for id in files.vehicles.keys() {
+        processes.start(files.folder.path(), &format!("v{id}"), &["vehicle", &format!("v{id}.toml")]);
+    }
+    let all = files.vehicles.len();
+    let is_there = within(Duration::from_secs(60), || heard.lock().unwrap().len() == all);
+    println!("\nstar of {all} vehicle processes: all heard within a minute: {is_there}");
+    let (mut worst, began) = (Duration::ZERO, Instant::now());
+    let mut is_gone = false;
+    while began.elapsed() < Duration::from_secs(seconds) {
+        let silent = heard.lock().unwrap().values().map(|(_, at)| at.elapsed()).max().unwrap_or_default();
+        worst = worst.max(silent);
+        is_gone |= processes.0.values_mut().any(|child| child.try_wait().unwrap().is_some());
+        std::thread::sleep(Duration::from_millis(50));
+    }
+    println!("over {seconds} s: longest silence of any {:.2} s; a process ended: {is_gone}", worst.as_secs_f64());
+    use_of(&processes, 20);
+}
+
+fn print_row(what: &str, spans: &mut [Duration], wanted_ms: f64) {
+    spans.sort();
+    let at = |share: f64| spans.get(((spans.len().max(1) - 1) as f64 * share) as usize).map_or(f64::NAN, |span| span.as_secs_f64() * 1e3);
+    println!("{what:34} median {:7.1} ms, p99 {:7.1} ms, most {:7.1} ms (wanted p99 <= {wanted_ms} ms)", at(0.5), at(0.99), at(1.0));
+}

@@ -1,0 +1,50 @@
+//! How old is what answers the own states: when each of them was made, by the own clock. No other clock is asked.
+
+use serde::{Deserialize, Serialize};
+use std::collections::VecDeque;
+use std::time::Duration;
+
+use crate::time::Time;
+
+/// What answers an older state than this is too old.
+const ANSWERS_WITHIN: Duration = Duration::from_secs(15);
+
+/// When recent states were made.
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
+pub(super) struct Ages {
+    made: VecDeque<(u64, Time)>,
+}
+
+impl Ages {
+    /// Notes that a state was made; numbers ascend, and some may be left out.
+    pub fn note(&mut self, now: Time, sequence: u64) {
+        self.made.push_back((sequence, now));
+        while self.made.front().is_some_and(|(_, at)| now.since(*at) > ANSWERS_WITHIN) {
+            self.made.pop_front();
+        }
+    }
+
+    /// Tells whether what answers a state is fresh; of a number left out, by the state noted before it.
+    pub fn is_fresh(&self, now: Time, answers: u64) -> bool {
+        let is_made = self.made.back().is_some_and(|(newest, _)| *newest >= answers);
+        let noted = self.made.iter().rev().find(|(sequence, _)| *sequence <= answers);
+        is_made && noted.is_some_and(|(_, at)| now.since(*at) <= ANSWERS_WITHIN)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn only_what_answers_a_state_of_the_last_seconds_is_fresh() {
+        let mut ages = Ages::default();
+        for (second, sequence) in [(1, 10), (2, 12), (20, 30)] {
+            ages.note(Time::from_secs_f64(f64::from(second)), sequence);
+        }
+        let fresh = |answers| ages.is_fresh(Time::from_secs_f64(21.0), answers);
+        assert!(fresh(30));
+        assert!(!fresh(31), "a state that was never made");
+        assert!(!fresh(12) && !fresh(11) && !fresh(0));
+    }
+}

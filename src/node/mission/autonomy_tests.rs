@@ -1,0 +1,211 @@
+//! What a mission does when it hears nobody, has lost the bus, or runs out of battery.
+
+use tomoswarm_proto::{Boot, Mode};
+
+use super::super::tests_support::{settings, state};
+use super::tests::{at, driven, holds, order, plan, planned, told};
+use super::*;
+
+const GROUND: In = In::Heard(Sender::Ground);
+
+fn sighting(vehicle: u8, x_m: f64) -> In {
+    let progress = Progress { vehicle: VehicleId(vehicle), ..Progress::default() };
+    In::Sighted(Sighting { boot: Boot(1), pose: state(vehicle, x_m, 20.0).pose, progress })
+}
+
+/// Lets the mission stand where it is from one second to another, in steps of a tenth; `each` is told every time.
+fn pass(mission: &mut Mission, seconds: std::ops::Range<u32>, x_m: f64, each: &[In]) -> Vec<Out> {
+    let mut out = Vec::new();
+    for tenth in seconds.start * 10..seconds.end * 10 {
+        let now_s = 0.1 * f64::from(tenth);
+        if mission.deadline().is_some_and(|deadline| deadline.at <= at(now_s)) {
+            mission.wake(at(now_s), &mut out).unwrap();
+        }
+        for input in each {
+            out.extend(told(mission, now_s, input.clone()));
+        }
+        let sequence = u64::from(tenth);
+        out.extend(told(mission, now_s, In::State(State { sequence, ..state(1, x_m, 0.0) })));
+    }
+    out
+}
+
+/// A mission that drives toward (2, 0), with the ground on the bus until second 10.
+fn under_way() -> Mission {
+    let mut mission = planned(None);
+    told(&mut mission, 1.9, GROUND);
+    told(&mut mission, 2.0, order(OrderKind::Start));
+    pass(&mut mission, 2..10, 0.0, &[GROUND]);
+    assert_eq!(mission.standing(), Standing::Following);
+    mission
+}
+
+fn has(out: &[Out], remark: Remark) -> bool {
+    out.contains(&Out::Remark(remark))
+}
+
+#[test]
+fn with_the_ground_alone_on_the_bus_a_vehicle_carries_on() {
+    let mut mission = under_way();
+    pass(&mut mission, 10..200, 0.0, &[GROUND]);
+    assert_eq!(mission.standing(), Standing::Following);
+}
+
+#[test]
+fn who_hears_nobody_stands_and_goes_on_as_soon_as_somebody_is_heard() {
+    let mut mission = under_way();
+    let out = pass(&mut mission, 10..13, 0.0, &[]);
+    assert!(has(&out, Remark::Alone) && holds(&out) && out.contains(&Out::Holds(true)), "{out:?}");
+    assert_eq!(mission.standing(), Standing::Held);
+    let out = pass(&mut mission, 13..15, 0.0, &[GROUND]);
+    assert!(driven(&out).is_some() && out.contains(&Out::Holds(false)), "{out:?}");
+}
+
+#[test]
+fn who_hears_peers_by_radio_carries_on_for_a_minute_and_then_returns() {
+    let mut mission = under_way();
+    let out = pass(&mut mission, 10..69, 0.0, &[sighting(2, 20.0)]);
+    assert!(!holds(&out));
+    assert_eq!(mission.standing(), Standing::Following);
+    let out = pass(&mut mission, 69..80, 1.0, &[sighting(2, 20.0)]);
+    assert!(has(&out, Remark::Decides(Cause::BusLost, Standing::Returning)), "{out:?}");
+    let drives = out.rsplit(|said| !matches!(said, Out::Command(_, Command::Drive { .. })));
+    let last = drives.filter_map(driven).next().and_then(|route| route.last().copied());
+    assert_eq!(last, Some(settings(1).home), "{out:?}");
+    let out = pass(&mut mission, 80..85, 0.0, &[sighting(2, 20.0)]);
+    assert!(has(&out, Remark::Home), "{out:?}");
+    assert_eq!(mission.standing(), Standing::Home);
+}
+
+#[test]
+fn a_minute_without_bus_and_radio_is_stood_through_until_the_ground_decides() {
+    let mut mission = under_way();
+    pass(&mut mission, 10..100, 0.0, &[]);
+    let out = pass(&mut mission, 100..110, 0.0, &[GROUND]);
+    assert_eq!((driven(&out), mission.standing()), (None, Standing::Held));
+    let out = told(&mut mission, 110.0, order(OrderKind::Start));
+    assert!(driven(&out).is_some() || driven(&pass(&mut mission, 110..112, 0.0, &[GROUND])).is_some());
+}
+
+#[test]
+fn who_came_home_on_its_own_adopts_a_newer_plan_and_drives_it() {
+    let mut mission = under_way();
+    pass(&mut mission, 10..80, 1.0, &[sighting(2, 20.0)]);
+    pass(&mut mission, 80..85, 0.0, &[sighting(2, 20.0)]);
+    assert_eq!(mission.standing(), Standing::Home);
+    let out = told(&mut mission, 85.0, order(OrderKind::Start));
+    assert_eq!(driven(&out), None, "its old plan does not lead on from here");
+    let out = pass(&mut mission, 85..90, 0.0, &[GROUND]);
+    assert_eq!(driven(&out), None);
+    told(&mut mission, 90.0, plan(3, &[]));
+    told(&mut mission, 90.0, plan(4, &[(2.0, 0.0)]));
+    let out = pass(&mut mission, 90..92, 0.0, &[GROUND]);
+    assert!(driven(&out).is_some(), "{out:?}");
+}
+
+#[test]
+fn a_newer_plan_alone_takes_a_returning_vehicle_back() {
+    let mut mission = under_way();
+    pass(&mut mission, 10..80, 1.0, &[sighting(2, 20.0)]);
+    told(&mut mission, 80.0, GROUND);
+    let out = told(&mut mission, 80.0, plan(3, &[]));
+    assert!(holds(&out), "{out:?}");
+    let out = pass(&mut mission, 80..82, 1.0, &[GROUND]);
+    assert_eq!((driven(&out), mission.standing()), (None, Standing::Following));
+    assert_eq!(mission.said.revision, Revision(3));
+}
+
+#[test]
+fn what_was_held_by_order_stays_held_without_bus() {
+    let mut mission = under_way();
+    told(&mut mission, 10.0, order(OrderKind::Hold));
+    let out = pass(&mut mission, 10..100, 0.0, &[sighting(2, 20.0)]);
+    assert_eq!((driven(&out), mission.standing()), (None, Standing::Held));
+}
+
+#[test]
+fn a_low_battery_sends_home_and_an_empty_one_holds() {
+    let mut mission = under_way();
+    let battery = |battery: f64, x_m: f64| In::State(State { battery, sequence: 500, ..state(1, x_m, 0.0) });
+    let out = told(&mut mission, 10.0, battery(0.21, 1.0));
+    assert!(!has(&out, Remark::Decides(Cause::BatteryLow, Standing::Returning)));
+    let out = told(&mut mission, 10.1, battery(0.19, 1.0));
+    assert!(has(&out, Remark::Decides(Cause::BatteryLow, Standing::Returning)), "{out:?}");
+    told(&mut mission, 10.2, order(OrderKind::Start));
+    assert_eq!(mission.standing(), Standing::Returning, "a start does not charge it");
+    let out = told(&mut mission, 10.3, battery(0.04, 1.0));
+    assert!(has(&out, Remark::Decides(Cause::BatteryEmpty, Standing::Held)), "{out:?}");
+    assert!(holds(&out));
+}
+
+#[test]
+fn a_silent_peer_is_said_once_and_said_again_when_it_speaks() {
+    let mut mission = under_way();
+    told(&mut mission, 10.0, sighting(2, 20.0));
+    let out = pass(&mut mission, 10..20, 0.0, &[GROUND]);
+    let said = |out: &[Out], remark: fn(VehicleId) -> Remark| {
+        out.iter().filter(|said| **said == Out::Remark(remark(VehicleId(2)))).count()
+    };
+    assert_eq!(said(&out, Remark::Silent), 1);
+    let out = pass(&mut mission, 20..22, 0.0, &[GROUND, sighting(2, 20.0)]);
+    assert_eq!(said(&out, Remark::HeardAgain), 1);
+}
+
+#[test]
+fn a_lower_id_that_drives_by_radio_goes_home_first() {
+    let mut mission = Mission::new(settings(3));
+    for tile in super::tests::tiles(None) {
+        told(&mut mission, 1.0, tile);
+    }
+    told(&mut mission, 1.0, GROUND);
+    let order = Order {
+        vehicle: VehicleId(3),
+        ..match order(OrderKind::Return) {
+            In::Order(order) => order,
+            other => panic!("{other:?}"),
+        }
+    };
+    told(&mut mission, 1.0, sighting(1, 0.5));
+    told(&mut mission, 1.0, In::State(state(3, 2.0, 0.0)));
+    told(&mut mission, 1.0, In::Order(order));
+    let mut began_s = None;
+    for tenth in 10..200 {
+        let now_s = 0.1 * f64::from(tenth);
+        // Vehicle 1 drives until second 8, and stands then.
+        told(&mut mission, now_s, sighting(1, 0.5 * now_s.min(8.0)));
+        let mut out = told(&mut mission, now_s, In::State(state(3, 2.0, 0.0)));
+        if mission.deadline().is_some_and(|deadline| deadline.at <= at(now_s)) {
+            mission.wake(at(now_s), &mut out).unwrap();
+        }
+        if driven(&out).is_some() {
+            began_s.get_or_insert(now_s);
+        }
+    }
+    let began_s = began_s.expect("it returns");
+    assert!((9.0..14.0).contains(&began_s), "after {began_s} s");
+}
+
+#[test]
+fn plans_of_a_lower_right_and_old_ones_are_not_taken() {
+    let mut mission = planned(None);
+    let lease = |number| Lease { number, holder: 7 };
+    let edition = |out: &[Out]| out.iter().any(|out| matches!(out, Out::Remark(Remark::OldPlan(..))));
+    let with = |number, seen_state, revision| match plan(revision, &[]) {
+        In::Plan(plan) => In::Plan(Plan { lease: lease(number), seen_state, ..plan }),
+        other => other,
+    };
+    for (second, sequence) in [(2.0, 20), (20.0, 200), (21.0, 210)] {
+        told(&mut mission, second, In::State(State { sequence, ..state(1, 0.0, 0.0) }));
+    }
+    assert!(edition(&told(&mut mission, 21.0, with(5, 20, 3))), "answers a state of 19 s ago");
+    assert!(edition(&told(&mut mission, 21.0, with(5, 900, 4))), "answers a state that was never made");
+    assert_eq!(mission.said.revision, Revision(2));
+    told(&mut mission, 21.0, with(5, 200, 5));
+    assert_eq!(mission.said.revision, Revision(5));
+    assert!(edition(&told(&mut mission, 21.0, with(4, 210, 6))), "of a lower right");
+    assert_eq!(mission.said.revision, Revision(5));
+    let mut own = State { sequence: 211, mode: Mode::Idle, ..state(1, 0.0, 0.0) };
+    own.ordered.lease = lease(9);
+    told(&mut mission, 21.1, In::State(own));
+    assert!(edition(&told(&mut mission, 21.1, with(5, 210, 7))), "a higher right was obeyed");
+}

@@ -1,0 +1,151 @@
+//! The way home around a known ring whose inside is unknown, with others standing on it.
+
+use std::collections::VecDeque;
+use std::sync::Arc;
+
+use tomoswarm_proto::{Mode, TileAddress};
+
+use super::super::tests_support::{settings, state};
+use super::tests::{at, order, told};
+use super::*;
+use crate::geom::Angle;
+
+/// Side of the ring, metres; its south-west corner is the datum.
+const SIDE_M: f64 = 20.0;
+/// The ring is known to be free this far to both sides, metres.
+const KNOWN_M: f64 = 1.4;
+/// Where nobody is in the way.
+const ASIDE: Point = Point { x_m: -3.5, y_m: -3.5 };
+const WEST: Point = Point { x_m: 0.0, y_m: 10.0 };
+const EAST: Point = Point { x_m: 20.0, y_m: 10.0 };
+
+fn off_ring_m(place: Point) -> f64 {
+    let edges = [(0.0, 0.0), (SIDE_M, 0.0), (SIDE_M, SIDE_M), (0.0, SIDE_M), (0.0, 0.0)];
+    let corners = edges.map(|(x, y)| Point::new(x, y));
+    let sides = corners.windows(2).map(|pair| crate::geom::Segment::new(pair[0], pair[1]));
+    sides.map(|side| side.distance_to_point(place)).fold(f64::INFINITY, f64::min)
+}
+
+/// Nothing is known off the ring but a bay on its south side, with a wall behind: a dead end.
+fn evidence(place: Point) -> i8 {
+    let is_bay = (8.0..12.0).contains(&place.x_m) && (0.0..2.6).contains(&place.y_m);
+    let is_wall = (4.0..16.0).contains(&place.x_m) && (2.6..3.0).contains(&place.y_m);
+    match (off_ring_m(place) <= KNOWN_M || is_bay, is_wall) {
+        (true, _) => -17,
+        (false, true) => 17,
+        (false, false) => 0,
+    }
+}
+
+fn tile(x: i32, y: i32) -> In {
+    let middle_m = |tile: i32, index: usize| (f64::from(tile * 32 + index as i32) + 0.5) * 0.2;
+    let cell = |index: usize| evidence(Point::new(middle_m(x, index % 32), middle_m(y, index / 32)));
+    In::Tile(TileReport {
+        layer: Default::default(),
+        address: TileAddress { slice: 0, x, y },
+        revision: 1,
+        cells: Arc::new(std::array::from_fn(cell)),
+    })
+}
+
+/// Vehicle 1 on the south side, ordered to its home on the north side, and its peers; whatever it looks at stays unknown.
+struct Ring {
+    mission: Mission,
+    at: Point,
+    heading: Angle,
+    route: VecDeque<Point>,
+    peers: Vec<Point>,
+    tenth: u32,
+    driven: Vec<Point>,
+}
+
+impl Ring {
+    fn new(peers: &[Point]) -> Ring {
+        let home = Point::new(10.0, SIDE_M);
+        let mut mission = Mission::new(Settings { home, ..settings(1) });
+        let tiles = (-1..5).flat_map(|x| (-1..5).map(move |y| tile(x, y)));
+        tiles.for_each(|tile| drop(told(&mut mission, 0.0, tile)));
+        let (at, heading, peers) = (Point::new(10.0, 0.0), Angle::default(), peers.to_vec());
+        let mut ring =
+            Ring { mission, at, heading, route: VecDeque::new(), peers, tenth: 0, driven: Vec::new() };
+        ring.run(1);
+        told(&mut ring.mission, 1.0, order(OrderKind::Return));
+        ring
+    }
+
+    fn run(&mut self, seconds: u32) {
+        for _ in 0..seconds * 10 {
+            self.tenth += 1;
+            self.step(0.1 * f64::from(self.tenth));
+        }
+    }
+
+    /// Drives on at 2 m/s, hears of everybody, and takes commands.
+    fn step(&mut self, now_s: f64) {
+        let mode = if self.route.is_empty() { Mode::Idle } else { Mode::Driving };
+        if let Some(next) = self.route.front().copied() {
+            let left_m = self.at.distance_to(next);
+            self.at = if left_m > 0.2 { self.at.toward(next, 0.2 / left_m) } else { next };
+            self.route = self.route.split_off(usize::from(left_m <= 0.2));
+            self.driven.push(self.at);
+        }
+        let sequence = u64::from(self.tenth);
+        for (index, peer) in self.peers.iter().enumerate() {
+            let state = State { sequence, ..state(index as u8 + 2, peer.x_m, peer.y_m) };
+            told(&mut self.mission, now_s, In::Peer(state));
+        }
+        let mut out = Vec::new();
+        if self.mission.deadline().is_some_and(|deadline| deadline.at <= at(now_s)) {
+            self.mission.wake(at(now_s), &mut out).unwrap();
+        }
+        let mut own = State { sequence, mode, ..state(1, self.at.x_m, self.at.y_m) };
+        own.pose.heading_rad = self.heading.radians();
+        out.extend(told(&mut self.mission, now_s, In::State(own)));
+        for said in out {
+            match said {
+                Out::Command(_, Command::Drive { route, .. }) => {
+                    self.route = route.into_iter().skip(1).collect()
+                }
+                Out::Command(_, Command::Turn(heading)) => self.heading = heading,
+                Out::Command(_, Command::Hold) => self.route.clear(),
+                Out::Holds(_) | Out::Accepted(..) | Out::Progress(_) | Out::Measure(_) | Out::Remark(_) => {}
+            }
+        }
+    }
+
+    fn is_home(&self) -> bool {
+        self.mission.standing() == Standing::Home
+    }
+}
+
+#[test]
+fn one_stander_on_the_ring_sends_it_the_other_way_round() {
+    for (stander, other_side) in [(WEST, EAST), (EAST, WEST)] {
+        let mut ring = Ring::new(&[stander]);
+        ring.run(60);
+        assert!(ring.is_home(), "{stander:?}: still at {:?}", ring.at);
+        assert!(ring.driven.iter().any(|place| place.distance_to(other_side) < 1.0));
+    }
+}
+
+#[test]
+fn who_is_barred_on_both_sides_lets_the_others_go_first_and_keeps_to_the_known_ring() {
+    let mut ring = Ring::new(&[WEST, EAST]);
+    ring.run(15);
+    assert!(ring.driven.is_empty(), "{:?}", ring.driven);
+    ring.peers[0] = ASIDE;
+    ring.run(60);
+    assert!(ring.is_home(), "still at {:?}", ring.at);
+    assert!(ring.driven.iter().all(|place| off_ring_m(*place) < KNOWN_M));
+}
+
+#[test]
+fn who_got_stuck_in_the_unknown_goes_home_over_the_ring_once_the_others_have_left() {
+    let mut ring = Ring::new(&[WEST, EAST]);
+    ring.run(200);
+    assert!(!ring.driven.is_empty(), "when nobody moves any more, it tries the unknown");
+    assert!(!ring.is_home());
+    ring.peers[1] = ASIDE;
+    ring.run(120);
+    assert!(ring.is_home(), "still at {:?}", ring.at);
+}

@@ -1,0 +1,98 @@
+//! The envelope: what is refused whatever the mission says, and when a vehicle off plan stops for a peer. It commands
+//! nothing but a stop.
+
+use std::time::Duration;
+
+use tomoswarm_proto::VehicleId;
+
+use super::words::{Bump, Command, Refusal, Remark};
+use super::{Out, SILENT_AFTER, Vehicle};
+use crate::geom::{Point, Pose, Track};
+use crate::node::peers::Peer;
+use crate::time::Time;
+
+/// Commands that were decided longer ago than this are too old to obey.
+const COMMAND_AGE: Duration = Duration::from_secs(1);
+/// A route begins at most this far from where the vehicle is, metres.
+const ROUTE_START_M: f64 = 0.75;
+
+impl Vehicle {
+    pub(super) fn check(&self, now: Time, decided: Time, command: &Command) -> Result<(), Refusal> {
+        let route = match command {
+            Command::Hold => return Ok(()),
+            Command::Turn(heading) if !heading.radians().is_finite() => return Err(Refusal::NoRoute),
+            Command::Turn(_) => None,
+            Command::Drive { route, .. } => Some(track_of(route).ok_or(Refusal::NoRoute)?),
+        };
+        if now.since(decided) > COMMAND_AGE {
+            return Err(Refusal::Old);
+        }
+        if self.emergency {
+            return Err(Refusal::Emergency);
+        }
+        if self.is_disarmed {
+            return Err(Refusal::Disarmed);
+        }
+        let Some((at, telemetry)) = self.telemetry else { return Err(Refusal::NoPose) };
+        if now.since(at) > SILENT_AFTER {
+            return Err(Refusal::NoPose);
+        }
+        if telemetry.pose.sd_m > self.settings.safety.pose_sd_max_m {
+            return Err(Refusal::PoseUncertain);
+        }
+        route.map_or(Ok(()), |route| self.check_route(now, &route, telemetry.pose))
+    }
+
+    fn check_route(&self, now: Time, route: &Track, pose: Pose) -> Result<(), Refusal> {
+        if route.start().distance_to(pose.at) > ROUTE_START_M {
+            return Err(Refusal::NotHere);
+        }
+        let radius_m = self.settings.body.radius_m;
+        if !route.segments().all(|piece| self.settings.fence.contains_corridor(piece, radius_m)) {
+            return Err(Refusal::Fence);
+        }
+        let clear = |bump: &Bump| {
+            let here_m = bump.at.distance_to(pose.at);
+            route.segments().all(|piece| bump.is_passed_by(piece, here_m))
+        };
+        if !self.bumps.iter().filter(|bump| bump.until > now).all(clear) {
+            return Err(Refusal::Bump);
+        }
+        for (vehicle, peer) in self.peers.iter() {
+            if !self.keeps_clear_of(route, pose, peer) {
+                return Err(Refusal::Separation(vehicle));
+            }
+        }
+        Ok(())
+    }
+
+    /// Tells whether a route keeps its distance from a peer, or at least leads away from it.
+    fn keeps_clear_of(&self, route: &Track, pose: Pose, peer: &Peer) -> bool {
+        let Some(claim) = Track::new(peer.claim.clone()) else { return true };
+        let nearest_m = route.distance_to(&claim);
+        if nearest_m >= self.settings.safety.separation_m {
+            return true;
+        }
+        let here_m = claim.distance_to_point(pose.at);
+        nearest_m >= here_m - 1e-3 && claim.distance_to_point(route.end()) > here_m
+    }
+
+    /// Stops a vehicle that drives off plan when a peer that moves, or is about to, claims what lies ahead of it.
+    pub(super) fn yield_to(&mut self, now: Time, vehicle: VehicleId, out: &mut Vec<Out>) {
+        let Some((_, telemetry)) = self.telemetry else { return };
+        let Some(leg) = self.leg.as_ref().filter(|leg| leg.is_off_plan) else { return };
+        let Some(peer) = self.peers.get(vehicle).filter(|peer| !peer.resting) else { return };
+        let ahead = std::iter::once(telemetry.pose.at).chain(leg.corners.iter().copied());
+        let route = Track::new(ahead.collect());
+        if route.is_some_and(|route| !self.keeps_clear_of(&route, telemetry.pose, peer)) {
+            self.stop(now, out);
+            out.push(Out::Remark(Remark::Refused(Refusal::Separation(vehicle))));
+        }
+    }
+}
+
+/// Makes a track of a route that leads somewhere; `None` for fewer than two corners or one that is not finite.
+fn track_of(route: &[Point]) -> Option<Track> {
+    let finite = route.iter().all(|corner| corner.x_m.is_finite() && corner.y_m.is_finite());
+    (route.len() >= 2 && finite).then(|| Track::new(route.to_vec())).flatten()
+}

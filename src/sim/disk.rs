@@ -1,0 +1,41 @@
+//! The disk of a simulated vehicle: what it has measured and the ground may not have yet. It outlives a restart, never
+//! fails and takes no time.
+
+use std::collections::BTreeMap;
+
+use tomoswarm_proto::{Boot, RunId, Sample};
+
+use crate::node::outbox::{CHUNK, Place, Recalled};
+
+/// Samples by their places.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Disk {
+    kept: BTreeMap<Place, Sample>,
+}
+
+impl Disk {
+    /// Keeps a sample.
+    pub fn keep(&mut self, boot: Boot, run: RunId, sample: Sample) {
+        self.kept.insert(Place { boot, run, sequence: sample.sequence }, sample);
+    }
+
+    /// Forgets the samples of a boot and run below a sequence.
+    pub fn forget(&mut self, boot: Boot, run: RunId, below: u64) {
+        let from = Place { boot, run, sequence: 0 };
+        let gone: Vec<Place> =
+            self.kept.range(from..Place { boot, run, sequence: below }).map(|(place, _)| *place).collect();
+        for place in gone {
+            self.kept.remove(&place);
+        }
+    }
+
+    /// Gives what is kept after a place.
+    pub fn recall(&self, after: Option<Place>) -> Recalled {
+        let beyond = |place: &Place| after.is_none_or(|after| *place > after);
+        let from = after.unwrap_or(Place { boot: Boot(0), run: RunId(0), sequence: 0 });
+        let mut left = self.kept.range(from..).filter(|(place, _)| beyond(place));
+        let sample = |(place, sample): (&Place, &Sample)| (place.boot, place.run, *sample);
+        let samples = left.by_ref().take(CHUNK).map(sample).collect();
+        Recalled { samples, is_end: left.next().is_none() }
+    }
+}

@@ -1,0 +1,111 @@
+//! The faults of a scenario, as the kernel asks for them. When they are is the file's business, what follows from
+//! them is the nodes'.
+
+use tomoswarm_proto::{Sender, VehicleId};
+
+use crate::config::{Fault, FaultKind, Partition};
+use crate::time::Time;
+
+/// All faults of a scenario.
+#[derive(Clone, Debug, Default)]
+pub struct Faults {
+    list: Vec<Fault>,
+}
+
+/// What a fault does at the moment of its beginning or end.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub enum Turn {
+    /// The software of a vehicle ends.
+    Ends(VehicleId),
+    /// The software of a vehicle starts.
+    Starts(VehicleId),
+    /// The battery of a vehicle has this charge, 0 to 1.
+    Charge(VehicleId, f64),
+}
+
+impl Faults {
+    /// Takes the faults of a file.
+    pub fn new(list: Vec<Fault>) -> Faults {
+        Faults { list }
+    }
+
+    /// Tells whether a vehicle's radio is dead at a moment.
+    pub fn cut_radio(&self, now: Time, vehicle: VehicleId) -> bool {
+        self.hits(FaultKind::Radio, now, vehicle)
+    }
+
+    /// Tells whether a vehicle's range sensor is dead at a moment.
+    pub fn blind(&self, now: Time, vehicle: VehicleId) -> bool {
+        self.hits(FaultKind::Sensor, now, vehicle)
+    }
+
+    fn hits(&self, kind: FaultKind, now: Time, vehicle: VehicleId) -> bool {
+        self.list.iter().any(|fault| fault.kind == kind && fault.hits(now, vehicle))
+    }
+
+    /// Gives what happens once, and when.
+    pub fn turns(&self) -> Vec<(Time, Turn)> {
+        self.list.iter().flat_map(turns_of).filter(|(at, _)| *at < Time::NEVER).collect()
+    }
+
+    /// Gives the faults of the bus as what it knows: a vehicle without it is a piece of its own.
+    pub fn partitions(&self) -> impl Iterator<Item = Partition> {
+        let of_bus = self.list.iter().filter(|fault| fault.kind == FaultKind::Bus);
+        of_bus.map(|fault| Partition {
+            from: fault.from,
+            until: fault.until,
+            sides: fault.vehicles.iter().map(|vehicle| vec![Sender::Vehicle(*vehicle)]).collect(),
+        })
+    }
+}
+
+fn turns_of(fault: &Fault) -> Vec<(Time, Turn)> {
+    let each = |at: Time, turn: fn(VehicleId) -> Turn| fault.vehicles.iter().map(move |id| (at, turn(*id)));
+    match fault.kind {
+        FaultKind::Dead => each(fault.from, Turn::Ends).collect(),
+        FaultKind::Restart => each(fault.from, Turn::Ends).chain(each(fault.until, Turn::Starts)).collect(),
+        FaultKind::Battery(charge) => {
+            fault.vehicles.iter().map(|id| (fault.from, Turn::Charge(*id, charge))).collect()
+        }
+        FaultKind::Bus | FaultKind::Radio | FaultKind::Sensor => Vec::new(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn fault(kind: FaultKind) -> Fault {
+        let (from, until) = (Time::from_secs_f64(5.0), Time::from_secs_f64(9.0));
+        Fault { from, until, kind, vehicles: vec![VehicleId(1), VehicleId(3)] }
+    }
+
+    #[test]
+    fn a_vehicle_without_bus_hears_neither_the_ground_nor_another_without() {
+        let faults = Faults::new(vec![fault(FaultKind::Bus)]);
+        let partition = faults.partitions().next().unwrap();
+        let (now, one) = (Time::from_secs_f64(6.0), Sender::Vehicle(VehicleId(1)));
+        assert!(partition.cuts(now, one, Sender::Ground));
+        assert!(partition.cuts(now, one, Sender::Vehicle(VehicleId(3))));
+        assert!(!partition.cuts(now, Sender::Vehicle(VehicleId(2)), Sender::Ground));
+        assert!(!partition.cuts(Time::from_secs_f64(9.0), one, Sender::Ground));
+    }
+
+    #[test]
+    fn a_restart_ends_and_starts_and_a_dead_one_stays_dead() {
+        let turns = Faults::new(vec![fault(FaultKind::Restart)]).turns();
+        assert_eq!(turns.len(), 4);
+        assert!(turns.contains(&(Time::from_secs_f64(9.0), Turn::Starts(VehicleId(3)))));
+        let turns = Faults::new(vec![fault(FaultKind::Dead)]).turns();
+        assert_eq!(turns.len(), 2);
+    }
+
+    #[test]
+    fn radio_and_sensor_are_dead_for_those_named_and_only_then() {
+        let faults = Faults::new(vec![fault(FaultKind::Radio)]);
+        assert!(faults.cut_radio(Time::from_secs_f64(5.0), VehicleId(3)));
+        assert!(!faults.cut_radio(Time::from_secs_f64(4.9), VehicleId(3)));
+        assert!(!faults.cut_radio(Time::from_secs_f64(5.0), VehicleId(2)));
+        assert!(!faults.blind(Time::from_secs_f64(5.0), VehicleId(3)));
+    }
+}

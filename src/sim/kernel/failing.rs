@@ -1,0 +1,62 @@
+//! How the kernel carries out faults: whose software runs no more, and who starts anew.
+
+use tomoswarm_proto::{Boot, VehicleId};
+
+use super::{Alarm, Kernel};
+use crate::node::mission::Standing;
+use crate::node::vehicle::Fly;
+use crate::sim::faults::Turn;
+
+impl Kernel {
+    pub(super) fn fail(&mut self, turn: Turn) {
+        match turn {
+            Turn::Ends(vehicle) => self.die(vehicle),
+            Turn::Starts(vehicle) => self.restart(vehicle),
+            Turn::Charge(vehicle, charge) => {
+                let Some(index) = self.index_of(vehicle) else { return };
+                self.log(&format!("vehicle {vehicle}"), format_args!("has a charge of {charge}"));
+                self.outside.charge(index, self.now, charge);
+            }
+        }
+    }
+
+    pub(super) fn index_of(&self, id: VehicleId) -> Option<usize> {
+        self.vehicles.iter().position(|vehicle| vehicle.id() == id)
+    }
+
+    /// Ends a vehicle's software; without it the autopilot brakes.
+    fn die(&mut self, vehicle: VehicleId) {
+        let Some(index) = self.index_of(vehicle) else { return };
+        self.log(&format!("vehicle {vehicle}"), format_args!("its software ends"));
+        self.is_dead[index] = true;
+        self.alarms[index] = Alarm { at: None, generation: self.alarms[index].generation + 1 };
+        let touches = self.outside.fly(index, self.now, &Fly::Stop);
+        self.foresee(touches);
+    }
+
+    /// Starts a vehicle's software anew, with what its disk holds.
+    fn restart(&mut self, vehicle: VehicleId) {
+        let Some(index) = self.index_of(vehicle).filter(|index| self.is_dead[*index]) else { return };
+        let settings = &mut self.settings[index];
+        settings.boot = Boot(settings.boot.0.saturating_add(1));
+        let boot = settings.boot;
+        self.vehicles[index].restart(settings);
+        self.is_dead[index] = false;
+        self.log(&format!("vehicle {vehicle}"), format_args!("its software starts, boot {boot}"));
+        self.set_alarm(index);
+    }
+
+    /// Gives how many vehicles are alive, how many of them are home, and how many stand and stay.
+    pub(super) fn muster(&self) -> (usize, usize, usize) {
+        let alive = || (0..self.vehicles.len()).filter(|index| !self.is_dead[*index]);
+        let count = |wanted: Standing| {
+            let is_so = |index: &usize| {
+                // Who has come home may still roll a hand's breadth.
+                let rests = self.outside.world().truth(*index, self.now).speed_mps == 0.0;
+                (rests || wanted == Standing::Home) && self.vehicles[*index].mission().standing() == wanted
+            };
+            alive().filter(is_so).count()
+        };
+        (alive().count(), count(Standing::Home), count(Standing::Held))
+    }
+}

@@ -1,0 +1,197 @@
+//! Certificates on the real bus: who has none, a foreign one, a revoked one, or writes what is not its own gets nothing in
+//! and hears nothing. Everything is enrolled by the program itself.
+
+use std::net::{SocketAddr, TcpListener};
+use std::path::{Path, PathBuf};
+use std::process::Command;
+use std::time::Duration;
+
+use tomoswarm_proto::{Message, Sender, VehicleId, codec};
+
+use crate::member::{Member, progress, settings, within};
+use crate::raw::{Shows, Stranger};
+
+const SOON: Duration = Duration::from_secs(10);
+/// How long nothing must come.
+const QUIET: Duration = Duration::from_secs(3);
+const PREFIX: &str = "tomoswarm/courtyard";
+
+fn vehicle(id: u8) -> Sender {
+    Sender::Vehicle(VehicleId(id))
+}
+
+fn address() -> SocketAddr {
+    TcpListener::bind("127.0.0.1:0").unwrap().local_addr().unwrap()
+}
+
+fn enroll(folder: &Path, arguments: &[&str]) {
+    let mut program = Command::new(env!("CARGO_BIN_EXE_tomoswarm"));
+    let run = program.arg("enroll").arg(folder).args(arguments).output().unwrap();
+    assert!(run.status.success(), "{}", String::from_utf8_lossy(&run.stderr));
+}
+
+/// A swarm of a ground station and two vehicles, enrolled in a folder.
+struct Enrolled {
+    folder: PathBuf,
+    ground: SocketAddr,
+}
+
+impl Enrolled {
+    fn make(folder: PathBuf, topology: &str) -> Enrolled {
+        let venue = concat!(env!("CARGO_MANIFEST_DIR"), "/configs/courtyard.venue.toml");
+        let ground = address();
+        let port = ground.port().to_string();
+        for node in [&["ground"][..], &["vehicle", "1"], &["vehicle", "2"]] {
+            let common = ["--venue", venue, "--topology", topology, "--port", &port, "--state-dir", "state"];
+            enroll(&folder, &[&common, node].concat());
+        }
+        Enrolled { folder, ground }
+    }
+
+    fn of(&self, node: &str) -> PathBuf {
+        self.folder.join(node)
+    }
+
+    fn ground(&self) -> Member {
+        Member::join(settings(&self.of("ground/ground.toml")))
+    }
+
+    fn vehicle(&self, id: u8) -> Member {
+        Member::join(settings(&self.of(&format!("vehicle-{id}/vehicle.toml"))))
+    }
+}
+
+fn frame(message: &Message) -> Vec<u8> {
+    codec::encode(message).unwrap()
+}
+
+/// Says something again and again until it is heard.
+fn gets_through(from: &Member, message: &Message, to: &Member, of: Sender) -> bool {
+    within(SOON, || {
+        from.mouth.publish(message);
+        std::thread::sleep(Duration::from_millis(50));
+        !to.heard_of(of).is_empty()
+    })
+}
+
+/// Lets a stranger say what vehicle 1 says, while the others talk; gives what it heard.
+fn intrude(stranger: &Stranger, talks: &Member) -> usize {
+    let about = frame(&progress(1, 666));
+    let until = std::time::Instant::now() + QUIET;
+    while std::time::Instant::now() < until {
+        stranger.say(&format!("{PREFIX}/vehicle/1/progress"), &about);
+        talks.mouth.publish(&Message::Report(Default::default()));
+        std::thread::sleep(Duration::from_millis(50));
+    }
+    stranger.heard().len()
+}
+
+#[test]
+fn enrolled_nodes_of_a_mesh_talk_and_write_only_their_own_keys() {
+    let folder = tempfile::tempdir().unwrap();
+    let swarm = Enrolled::make(folder.path().join("swarm"), "mesh");
+    let ground = swarm.ground();
+    let one = swarm.vehicle(1);
+    assert!(gets_through(&one, &progress(1, 1), &ground, vehicle(1)), "nothing passes at all");
+    assert!(gets_through(&ground, &Message::Have(Default::default()), &one, Sender::Ground));
+    // Vehicle 2 goes bad: first it shows that it is connected, then it writes as others.
+    let two = Stranger::peer(Shows::Folder(&swarm.of("vehicle-2")), None, &[swarm.ground]);
+    let own = frame(&progress(2, 2));
+    assert!(within(SOON, || {
+        two.say(&format!("{PREFIX}/vehicle/2/progress"), &own);
+        !ground.heard_of(vehicle(2)).is_empty()
+    }));
+    let (before, refused) = (ground.heard_of(vehicle(1)).len(), ground.mouth.traffic().refused);
+    for key in ["vehicle/1/progress", "ground/have", "operator/order/1"] {
+        two.say(&format!("{PREFIX}/{key}"), &frame(&progress(1, 666)));
+    }
+    std::thread::sleep(Duration::from_secs(1));
+    assert_eq!(ground.heard_of(vehicle(1)).len(), before);
+    assert_eq!(ground.mouth.traffic().refused, refused, "access control ends it before the bus does");
+}
+
+#[test]
+fn enrolled_clients_of_a_star_talk_through_the_ground_and_write_only_their_own_keys() {
+    let folder = tempfile::tempdir().unwrap();
+    let swarm = Enrolled::make(folder.path().join("swarm"), "star");
+    let ground = swarm.ground();
+    let one = swarm.vehicle(1);
+    let two = Stranger::client(Shows::Folder(&swarm.of("vehicle-2")), swarm.ground).unwrap();
+    let own = frame(&progress(2, 2));
+    assert!(within(SOON, || {
+        two.say(&format!("{PREFIX}/vehicle/2/progress"), &own);
+        !ground.heard_of(vehicle(2)).is_empty() && !one.heard_of(vehicle(2)).is_empty()
+    }));
+    let key = format!("{PREFIX}/vehicle/1/progress");
+    assert!(within(SOON, || {
+        one.mouth.publish(&progress(1, 1));
+        two.heard().contains_key(&key)
+    }));
+    let mine = ground.heard_of(vehicle(1)).len();
+    two.say(&key, &frame(&progress(1, 666)));
+    std::thread::sleep(Duration::from_secs(1));
+    let heard = ground.heard_of(vehicle(1));
+    assert!(heard.iter().skip(mine).all(|heard| format!("{heard:?}").contains("RunId(1)")), "{heard:?}");
+    assert!(one.heard_of(vehicle(1)).is_empty());
+}
+
+#[test]
+fn who_has_no_certificate_or_a_foreign_one_gets_nothing_in_and_hears_nothing() {
+    let folder = tempfile::tempdir().unwrap();
+    for topology in ["mesh", "star"] {
+        let own = Enrolled::make(folder.path().join(format!("own-{topology}")), topology);
+        let other = Enrolled::make(folder.path().join(format!("other-{topology}")), topology);
+        let ground = own.ground();
+        let ca = own.of("ca.pem");
+        let foreign = other.of("vehicle-1");
+        for shows in [Shows::Nothing, Shows::Authority(&ca), Shows::Folder(&foreign)] {
+            assert!(Stranger::client(shows, own.ground).is_none(), "{shows:?} as a client of a {topology}");
+            let stranger = Stranger::peer(shows, None, &[own.ground]);
+            assert_eq!(intrude(&stranger, &ground), 0, "{shows:?} heard something in a {topology}");
+            assert_eq!((stranger.links(), ground.heard_count()), (0, 0), "{shows:?} in a {topology}");
+            stranger.close();
+        }
+    }
+}
+
+#[test]
+fn nobody_talks_to_a_false_ground_station() {
+    let folder = tempfile::tempdir().unwrap();
+    let own = Enrolled::make(folder.path().join("own"), "mesh");
+    let other = Enrolled::make(folder.path().join("other"), "mesh");
+    let foreign = other.of("ground");
+    let false_ground = Stranger::peer(Shows::Folder(&foreign), Some(own.ground), &[]);
+    let one = own.vehicle(1);
+    let have = frame(&Message::Have(Default::default()));
+    for _ in 0..60 {
+        one.mouth.publish(&progress(1, 1));
+        false_ground.say(&format!("{PREFIX}/ground/have"), &have);
+        std::thread::sleep(Duration::from_millis(50));
+    }
+    assert_eq!((false_ground.heard().len(), one.heard_count(), one.mouth.links()), (0, 0, 0));
+}
+
+#[test]
+fn who_was_revoked_gets_nothing_in_and_hears_nothing() {
+    let folder = tempfile::tempdir().unwrap();
+    for topology in ["mesh", "star"] {
+        let swarm = Enrolled::make(folder.path().join(topology), topology);
+        enroll(&swarm.folder, &["--revoke", "vehicle-1"]);
+        let ground = swarm.ground();
+        let two = swarm.vehicle(2);
+        assert!(gets_through(&two, &progress(2, 2), &ground, vehicle(2)));
+        let former = swarm.of("vehicle-1.1.revoked");
+        let stranger = Stranger::peer(Shows::Folder(&former), None, &[swarm.ground]);
+        let heard = ground.heard_count();
+        assert_eq!(intrude(&stranger, &ground), 0, "it heard something in a {topology}");
+        assert_eq!(ground.heard_count(), heard, "it got something in, in a {topology}");
+        // Its own program does not even begin, once it is given the newest roster.
+        std::fs::copy(swarm.of("roster.txt"), former.join("roster.txt")).unwrap();
+        let run = Command::new(env!("CARGO_BIN_EXE_tomoswarm"))
+            .args(["vehicle".as_ref(), former.join("vehicle.toml").as_os_str()])
+            .output()
+            .unwrap();
+        let said = String::from_utf8_lossy(&run.stderr);
+        assert!(run.status.code() == Some(2) && said.contains("roster"), "{said}");
+    }
+}

@@ -1,0 +1,83 @@
+//! A node's part of the bus inside this test, with what it heard; opened by the same settings as the programs use.
+
+use std::path::Path;
+use std::sync::{Arc, Mutex};
+use std::time::{Duration, Instant};
+
+use tomoswarm::config::{self, BusFile, Config, Venue};
+use tomoswarm::run::bus::{Bus, BusSettings, Heard, Mouth};
+use tomoswarm::run::clock::Clock;
+use tomoswarm::run::desk::Troubles;
+use tomoswarm::run::membership;
+use tomoswarm_proto::{Message, Progress, RunId, Sender, VehicleId};
+
+/// A node's part of the bus.
+pub struct Member {
+    pub mouth: Mouth,
+    heard: Arc<Mutex<Vec<Heard>>>,
+    _bus: Bus,
+}
+
+impl Member {
+    /// Joins.
+    pub fn join(settings: BusSettings) -> Member {
+        let heard = Arc::new(Mutex::new(Vec::new()));
+        let writes = heard.clone();
+        let hear = move |what| writes.lock().unwrap().push(what);
+        let bus = Bus::open(settings, Clock::start(), Troubles::default(), hear).unwrap();
+        let mouth = bus.mouth();
+        mouth.speak();
+        Member { mouth, heard, _bus: bus }
+    }
+
+    /// Gives all that it heard of a node so far.
+    pub fn heard_of(&self, node: Sender) -> Vec<Heard> {
+        let is_its = |heard: &&Heard| match heard {
+            Heard::Message(sender, _) => *sender == node,
+            Heard::Greeting(greeting, _) => greeting.node == node,
+        };
+        self.heard.lock().unwrap().iter().filter(is_its).cloned().collect()
+    }
+
+    /// Gives how much it heard so far.
+    pub fn heard_count(&self) -> usize {
+        self.heard.lock().unwrap().len()
+    }
+}
+
+/// Gives how the node of a file joins the bus, with its certificates.
+pub fn settings(path: &Path) -> BusSettings {
+    let (node, venue, bus) = read(path);
+    let access = membership::access(node, &venue, &bus, None).unwrap();
+    membership::bus_settings(node, &venue, &bus, access)
+}
+
+fn read(path: &Path) -> (Sender, Venue, BusFile) {
+    let text = std::fs::read_to_string(path).unwrap();
+    let mut loader = |path: &str| std::fs::read_to_string(path).map_err(|error| error.to_string());
+    match config::read(path.to_str().unwrap(), &text, &mut loader).unwrap() {
+        Config::Vehicle(file) => (Sender::Vehicle(file.id), file.venue.clone(), file.bus.clone()),
+        Config::Ground(file) => (Sender::Ground, file.venue.clone(), file.bus.clone()),
+        Config::Operator(file) => (Sender::Operator, file.venue.clone(), file.bus.clone()),
+        other => panic!("{other:?}"),
+    }
+}
+
+/// Something harmless that a vehicle may say of itself.
+pub fn progress(vehicle: u8, run: u32) -> Message {
+    Message::Progress(Progress { vehicle: VehicleId(vehicle), run: RunId(run), ..Progress::default() })
+}
+
+/// Waits until something holds; `false` when it does not within the time.
+pub fn within(limit: Duration, mut holds: impl FnMut() -> bool) -> bool {
+    let began = Instant::now();
+    loop {
+        if holds() {
+            return true;
+        }
+        if began.elapsed() > limit {
+            return false;
+        }
+        std::thread::sleep(Duration::from_millis(20));
+    }
+}

@@ -1,0 +1,91 @@
+//! Links that end, or through which nothing goes any more.
+
+use std::collections::BTreeMap;
+use std::time::Duration;
+
+use tomoswarm_proto::{LayerId, Sender};
+
+use crate::swarm::{GROUND, Size, Swarm, Watch, vehicle};
+
+/// How long a partition lasts.
+const APART: Duration = Duration::from_secs(30);
+
+/// Gives the sum of revisions that each vehicle says of its own layers.
+fn own_layers(watch: &Watch) -> BTreeMap<LayerId, u64> {
+    let own = watch.digests.iter().flat_map(|(node, (_, digest))| {
+        let is_own = move |layer: LayerId| *node == Sender::Vehicle(layer.vehicle);
+        digest.layers.iter().filter(move |layer| is_own(layer.layer))
+    });
+    own.map(|layer| (layer.layer, layer.revisions)).collect()
+}
+
+/// Tells whether everyone holds at least this much of every layer.
+fn all_hold(watch: &Watch, nodes: usize, least: &BTreeMap<LayerId, u64>) -> bool {
+    let holds = |layer: &LayerId, revisions: &u64| {
+        let of = |(_, digest): &(_, tomoswarm_proto::Digest)| {
+            let held = digest.layers.iter().find(|held| held.layer == *layer);
+            held.is_some_and(|held| held.revisions >= *revisions)
+        };
+        watch.digests.values().filter(|digest| of(digest)).count() >= nodes
+    };
+    least.iter().all(|(layer, revisions)| holds(layer, revisions))
+}
+
+/// Waits until what was mapped apart is known to all.
+fn until_joined(swarm: &Swarm, nodes: usize) {
+    let mapped = swarm.look(own_layers);
+    assert!(!mapped.is_empty());
+    swarm.until("all hold what was mapped apart", 10, |watch| all_hold(watch, nodes, &mapped));
+}
+
+#[test]
+fn a_vehicle_without_links_for_30_s_joins_again() {
+    let mut swarm = Swarm::start(Size { vehicles: 3, laps: 2, relayed: true });
+    swarm.begin();
+    swarm.until_samples(100);
+    swarm.note("vehicle 3 is alone");
+    swarm.border(&[vehicle(3)]).for_each(|relay| relay.cut());
+    std::thread::sleep(APART);
+    swarm.note("it is joined again");
+    swarm.border(&[vehicle(3)]).for_each(|relay| relay.restore());
+    until_joined(&swarm, 4);
+    swarm.finish();
+}
+
+#[test]
+fn two_halves_that_hear_nothing_of_each_other_for_30_s_join_again() {
+    let mut swarm = Swarm::start(Size { vehicles: 4, laps: 2, relayed: true });
+    swarm.begin();
+    swarm.until_samples(100);
+    let half = [GROUND, vehicle(1), vehicle(2)];
+    swarm.note("half and half: links are frozen without a word");
+    swarm.border(&half).for_each(|relay| relay.freeze());
+    std::thread::sleep(APART);
+    swarm.note("joined again");
+    swarm.border(&half).for_each(|relay| relay.restore());
+    until_joined(&swarm, 5);
+    swarm.finish();
+}
+
+#[test]
+fn all_that_lose_the_bus_at_once_for_20_s_go_on() {
+    let mut swarm = Swarm::start(Size { vehicles: 2, laps: 1, relayed: true });
+    swarm.begin();
+    swarm.until_samples(100);
+    swarm.note("everyone is alone");
+    swarm.relays().for_each(|relay| relay.cut());
+    std::thread::sleep(Duration::from_secs(20));
+    swarm.note("joined again");
+    swarm.relays().for_each(|relay| relay.restore());
+    until_joined(&swarm, 3);
+    swarm.finish();
+}
+
+#[test]
+fn a_slow_and_late_bus_is_enough_for_a_sweep() {
+    let mut swarm = Swarm::start(Size { vehicles: 2, laps: 1, relayed: true });
+    swarm.relays().for_each(|relay| relay.shape(50_000.0, Duration::from_millis(50)));
+    swarm.begin();
+    swarm.finish();
+    assert!(swarm.relays().all(|relay| relay.carried() > 10_000));
+}

@@ -1,0 +1,267 @@
+//! A TCP relay with a rate, a delay, a cut and a freeze, so that links are shaped without root. It knows nothing of what
+//! it carries.
+//!
+//! ```text
+//!   one end ──► socket ─► reader ─► queue of a few kB ─► writer ─► socket ──► other end     (and the same back)
+//!                                                          └ waits for the rate and the delay
+//! ```
+
+use std::io::{ErrorKind, Read, Write};
+use std::net::{Shutdown, SocketAddr, TcpListener, TcpStream};
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, sync_channel};
+use std::sync::{Arc, Mutex};
+use std::time::{Duration, Instant};
+
+use socket2::{Domain, Protocol, Socket, Type};
+
+/// Bytes read at once, and how many such pieces may wait in one direction.
+const PIECE: usize = 2048;
+const PIECES: usize = 16;
+/// The kernel's own buffers, bytes: small, so that what waits waits in the sender.
+const SOCKET_BUFFER: usize = 16 << 10;
+/// A thread of the relay looks up this often.
+const LOOK: Duration = Duration::from_millis(10);
+
+/// What a link lets through.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
+enum Way {
+    #[default]
+    Open,
+    /// Connections end, and new ones end at once.
+    Cut,
+    /// Connections stay, and nothing goes through them.
+    Frozen,
+}
+
+#[derive(Clone, Copy, Debug, Default)]
+struct Shape {
+    way: Way,
+    bytes_per_s: Option<f64>,
+    delay: Duration,
+}
+
+#[derive(Default)]
+struct Line {
+    shape: Mutex<Shape>,
+    /// Counts the cuts: a connection of before a cut never goes on.
+    cuts: AtomicU64,
+    carried: AtomicU64,
+    is_over: AtomicBool,
+}
+
+/// A relay to one address.
+pub struct Relay {
+    address: SocketAddr,
+    line: Arc<Line>,
+}
+
+impl Relay {
+    /// Begins to relay to an address, of which nobody need listen yet.
+    pub fn start(target: SocketAddr) -> Relay {
+        let socket = Socket::new(Domain::IPV4, Type::STREAM, Some(Protocol::TCP)).unwrap();
+        socket.set_recv_buffer_size(SOCKET_BUFFER).unwrap();
+        socket.bind(&SocketAddr::from(([127, 0, 0, 1], 0)).into()).unwrap();
+        socket.listen(64).unwrap();
+        let listener: TcpListener = socket.into();
+        listener.set_nonblocking(true).unwrap();
+        let address = listener.local_addr().unwrap();
+        let line = Arc::new(Line::default());
+        let of_thread = line.clone();
+        std::thread::spawn(move || accept(&listener, target, &of_thread));
+        Relay { address, line }
+    }
+
+    /// Gives where it listens.
+    pub fn address(&self) -> SocketAddr {
+        self.address
+    }
+
+    /// Gives how many bytes it has carried, both ways together.
+    pub fn carried(&self) -> u64 {
+        self.line.carried.load(Ordering::Relaxed)
+    }
+
+    /// Lets so many bytes a second through each way, each of them so late.
+    pub fn shape(&self, bytes_per_s: f64, delay: Duration) {
+        let mut shape = self.line.shape.lock().unwrap();
+        (shape.bytes_per_s, shape.delay) = (Some(bytes_per_s), delay);
+    }
+
+    /// Ends all connections; new ones end at once.
+    pub fn cut(&self) {
+        self.set(Way::Cut);
+        self.line.cuts.fetch_add(1, Ordering::Relaxed);
+    }
+
+    /// Lets nothing through any more, without a word to either end.
+    pub fn freeze(&self) {
+        self.set(Way::Frozen);
+    }
+
+    /// Lets everything through again.
+    pub fn restore(&self) {
+        self.set(Way::Open);
+    }
+
+    fn set(&self, way: Way) {
+        self.line.shape.lock().unwrap().way = way;
+    }
+}
+
+impl Drop for Relay {
+    fn drop(&mut self) {
+        self.line.is_over.store(true, Ordering::Relaxed);
+    }
+}
+
+impl Line {
+    fn is_over(&self) -> bool {
+        self.is_over.load(Ordering::Relaxed)
+    }
+
+    fn shape(&self) -> Shape {
+        *self.shape.lock().unwrap()
+    }
+
+    /// Waits while it is frozen.
+    fn thaw(&self) {
+        while self.shape().way == Way::Frozen && !self.is_over() {
+            std::thread::sleep(LOOK);
+        }
+    }
+}
+
+fn accept(listener: &TcpListener, target: SocketAddr, line: &Arc<Line>) {
+    while !line.is_over() {
+        line.thaw();
+        let Ok((near, _)) = listener.accept() else {
+            std::thread::sleep(LOOK);
+            continue;
+        };
+        if line.shape().way == Way::Cut {
+            continue;
+        }
+        let Ok(far) = TcpStream::connect_timeout(&target, Duration::from_secs(1)) else { continue };
+        let cuts = line.cuts.load(Ordering::Relaxed);
+        for (from, to) in [(&near, &far), (&far, &near)] {
+            let (from, to) = (from.try_clone().unwrap(), to.try_clone().unwrap());
+            // Sockets that are taken from a listener that does not wait may not wait either.
+            from.set_nonblocking(false).unwrap();
+            from.set_nodelay(true).unwrap();
+            from.set_read_timeout(Some(LOOK)).unwrap();
+            pass(from, to, line.clone(), cuts);
+        }
+    }
+}
+
+/// Carries one direction of a connection, by two threads.
+fn pass(from: TcpStream, to: TcpStream, line: Arc<Line>, cuts: u64) {
+    let (pieces, waiting) = sync_channel(PIECES);
+    let of_reader = line.clone();
+    std::thread::spawn(move || read(from, &of_reader, cuts, &pieces));
+    std::thread::spawn(move || write(to, &line, cuts, &waiting));
+}
+
+type Piece = (Instant, Vec<u8>);
+
+fn goes_on(line: &Line, cuts: u64) -> bool {
+    !line.is_over() && line.cuts.load(Ordering::Relaxed) == cuts
+}
+
+fn read(mut from: TcpStream, line: &Line, cuts: u64, pieces: &SyncSender<Piece>) {
+    let mut buffer = [0; PIECE];
+    while goes_on(line, cuts) {
+        line.thaw();
+        match from.read(&mut buffer) {
+            Ok(0) => break,
+            Ok(count) => {
+                if pieces.send((Instant::now(), buffer[..count].to_vec())).is_err() {
+                    break;
+                }
+            }
+            Err(error) if matches!(error.kind(), ErrorKind::WouldBlock | ErrorKind::TimedOut) => {}
+            Err(_) => break,
+        }
+    }
+    let _ = from.shutdown(Shutdown::Read);
+}
+
+fn write(mut to: TcpStream, line: &Line, cuts: u64, pieces: &Receiver<Piece>) {
+    let mut free_at = Instant::now();
+    while goes_on(line, cuts) {
+        let (read_at, piece) = match pieces.recv_timeout(LOOK) {
+            Ok(piece) => piece,
+            Err(RecvTimeoutError::Timeout) => continue,
+            Err(RecvTimeoutError::Disconnected) => break,
+        };
+        let shape = line.shape();
+        let takes = shape.bytes_per_s.map_or(0.0, |bytes_per_s| piece.len() as f64 / bytes_per_s);
+        free_at = free_at.max(read_at) + Duration::from_secs_f64(takes);
+        std::thread::sleep((free_at + shape.delay).saturating_duration_since(Instant::now()));
+        line.thaw();
+        if !goes_on(line, cuts) || to.write_all(&piece).is_err() {
+            break;
+        }
+        line.carried.fetch_add(piece.len() as u64, Ordering::Relaxed);
+    }
+    let _ = to.shutdown(Shutdown::Both);
+}
+
+/// Takes one connection and sends back what comes.
+fn echo() -> SocketAddr {
+    let listener = TcpListener::bind("127.0.0.1:0").unwrap();
+    let address = listener.local_addr().unwrap();
+    std::thread::spawn(move || {
+        for stream in listener.incoming() {
+            let mut stream = stream.unwrap();
+            std::thread::spawn(move || std::io::copy(&mut stream.try_clone().unwrap(), &mut stream));
+        }
+    });
+    address
+}
+
+#[test]
+fn a_relay_keeps_to_its_rate_and_delay() {
+    let relay = Relay::start(echo());
+    relay.shape(100_000.0, Duration::from_millis(30));
+    let mut stream = TcpStream::connect(relay.address()).unwrap();
+    let (began, mut answer) = (Instant::now(), vec![0; 50_000]);
+    let mut out = stream.try_clone().unwrap();
+    let sent = std::thread::spawn(move || out.write_all(&[7; 50_000]));
+    stream.read_exact(&mut answer[..1]).unwrap();
+    let first = began.elapsed();
+    stream.read_exact(&mut answer[1..]).unwrap();
+    let whole = began.elapsed();
+    sent.join().unwrap().unwrap();
+    assert!(answer.iter().all(|byte| *byte == 7));
+    assert!((60..300).contains(&first.as_millis()), "there and back after {first:?}");
+    assert!((500..1500).contains(&whole.as_millis()), "50 kB at 100 kB/s took {whole:?}");
+}
+
+#[test]
+fn a_relay_freezes_without_a_word_and_cuts_for_good() {
+    let relay = Relay::start(echo());
+    let mut stream = TcpStream::connect(relay.address()).unwrap();
+    let mut byte = [0];
+    stream.write_all(b"a").unwrap();
+    stream.read_exact(&mut byte).unwrap();
+    relay.freeze();
+    stream.set_read_timeout(Some(Duration::from_millis(200))).unwrap();
+    stream.write_all(b"b").unwrap();
+    assert!(matches!(stream.read(&mut byte).unwrap_err().kind(), ErrorKind::WouldBlock));
+    relay.restore();
+    stream.set_read_timeout(Some(Duration::from_secs(5))).unwrap();
+    stream.read_exact(&mut byte).unwrap();
+    assert_eq!(byte, *b"b");
+    relay.cut();
+    assert!(matches!(stream.read(&mut byte), Ok(0) | Err(_)));
+    let mut next = TcpStream::connect(relay.address()).unwrap();
+    next.set_read_timeout(Some(Duration::from_secs(5))).unwrap();
+    assert!(matches!(next.read(&mut byte), Ok(0) | Err(_)));
+    relay.restore();
+    let mut last = TcpStream::connect(relay.address()).unwrap();
+    last.write_all(b"c").unwrap();
+    last.read_exact(&mut byte).unwrap();
+    assert_eq!((byte, relay.carried()), (*b"c", 6));
+}

@@ -1,0 +1,568 @@
+//! A small swarm of separate processes: a world, a ground station and vehicles, in a folder of its own, on free ports; and
+//! an operator in this process who hears everything. It can kill, freeze and restart each, and cut any link.
+//!
+//! At the end [`Swarm::finish`] checks what every scenario claims. Whatever happens, no process outlives it.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::fs::{File, OpenOptions};
+use std::net::SocketAddr;
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, ExitStatus, Stdio};
+use std::sync::atomic::{AtomicU16, Ordering};
+use std::sync::{Arc, Condvar, Mutex};
+use std::time::{Duration, Instant};
+
+use rustix::process::{Pid, Signal, kill_process};
+use tomoswarm::run::bus::{Bus, Heard};
+use tomoswarm::run::clock::Clock;
+use tomoswarm::run::desk::Troubles;
+use tomoswarm::run::door::roll::Roll;
+use tomoswarm::run::link::WorldControl;
+use tomoswarm::store::ground::GroundStore;
+use tomoswarm_proto::{Boot, Digest, Message, Report, RunId, Sample, Sender, StationPhase, VehicleId};
+
+use crate::member::settings;
+use crate::relay::Relay;
+
+pub const PROGRAM: &str = env!("CARGO_BIN_EXE_tomoswarm");
+/// No process may ever take more, kB (unoptimised build).
+const MEMORY_MAX_KB: u64 = 60_000;
+const TOKEN: &str = "secret-token";
+/// Scenarios that run at a time.
+const AT_A_TIME: usize = 4;
+pub const GROUND: Sender = Sender::Ground;
+
+pub const fn vehicle(id: u8) -> Sender {
+    Sender::Vehicle(VehicleId(id))
+}
+
+/// Gives a free address, one that no outgoing connection is given meanwhile.
+pub fn free_address() -> SocketAddr {
+    static NEXT: AtomicU16 = AtomicU16::new(0);
+    let first = 12_000 + (std::process::id() % 90) as u16 * 200;
+    loop {
+        let port = first + NEXT.fetch_add(1, Ordering::Relaxed) % 200;
+        let address = SocketAddr::from(([127, 0, 0, 1], port));
+        if std::net::TcpListener::bind(address).is_ok() {
+            return address;
+        }
+    }
+}
+
+/// A place among the scenarios that run at a time.
+struct Place;
+
+static TAKEN: (Mutex<usize>, Condvar) = (Mutex::new(0), Condvar::new());
+
+impl Place {
+    fn take() -> Place {
+        let mut taken = TAKEN.0.lock().unwrap();
+        while *taken >= AT_A_TIME {
+            taken = TAKEN.1.wait(taken).unwrap();
+        }
+        *taken += 1;
+        Place
+    }
+}
+
+impl Drop for Place {
+    fn drop(&mut self) {
+        *TAKEN.0.lock().unwrap() -= 1;
+        TAKEN.1.notify_one();
+    }
+}
+
+/// What a swarm is made of.
+#[derive(Clone, Copy, Debug)]
+pub struct Size {
+    pub vehicles: u8,
+    pub laps: u32,
+    /// Whether every link goes through a relay, and there are no others.
+    pub relayed: bool,
+}
+
+/// What the operator has heard.
+#[derive(Default)]
+pub struct Watch {
+    pub roll: Roll,
+    pub digests: BTreeMap<Sender, (Instant, Digest)>,
+    pub reports: Vec<Report>,
+    samples: BTreeMap<(VehicleId, Boot, RunId), BTreeMap<u64, Sample>>,
+}
+
+impl Watch {
+    fn hear(&mut self, clock: Clock, heard: &Heard) {
+        self.roll.hear(clock.now(), heard);
+        let Heard::Message(sender, message) = heard else { return };
+        match message {
+            Message::Digest(digest) => {
+                self.digests.insert(*sender, (Instant::now(), digest.clone()));
+            }
+            Message::Report(report) => self.reports.push(report.clone()),
+            Message::Samples(batch) => {
+                let known = self.samples.entry((batch.vehicle, batch.boot, batch.run)).or_default();
+                known.extend(batch.samples.iter().map(|sample| (sample.sequence, *sample)));
+            }
+            _ => {}
+        }
+    }
+
+    /// Gives the newest report of a ground station.
+    pub fn report(&self) -> Report {
+        self.reports.last().cloned().unwrap_or_default()
+    }
+
+    /// Tells whether run 1 was driven to its end and closed.
+    pub fn has_ended(&self) -> bool {
+        let report = self.report();
+        report.phase == StationPhase::Idle
+            && report.run == RunId(1)
+            && report.laps > 0
+            && report.laps_done == report.laps
+    }
+
+    /// Gives how many samples were heard of one start of a vehicle.
+    pub fn samples_of(&self, id: u8, boot: u32) -> usize {
+        let of = (VehicleId(id), Boot(boot), RunId(1));
+        self.samples.get(&of).map_or(0, BTreeMap::len)
+    }
+
+    /// Tells whether the newest digests of these nodes are fresh, equal and not empty.
+    fn agree(&self, nodes: &BTreeSet<Sender>) -> bool {
+        let fresh = |node: &Sender| {
+            self.digests.get(node).filter(|(at, _)| at.elapsed() < Duration::from_millis(2500))
+        };
+        let all: Option<Vec<&Digest>> = nodes.iter().map(|node| Some(&fresh(node)?.1)).collect();
+        all.is_some_and(|all| !all[0].layers.is_empty() && all.iter().all(|digest| *digest == all[0]))
+    }
+}
+
+/// A process of the swarm.
+struct Node {
+    arguments: Vec<String>,
+    log: PathBuf,
+    child: Option<Child>,
+}
+
+impl Node {
+    fn start(&mut self, folder: &Path) {
+        let out = || log(&self.log);
+        let mut program = Command::new(PROGRAM);
+        program.args(&self.arguments).current_dir(folder).stdin(Stdio::null()).stdout(out()).stderr(out());
+        self.child = Some(program.spawn().unwrap());
+    }
+
+    fn signal(&self, signal: Signal) {
+        let child = self.child.as_ref().unwrap();
+        kill_process(Pid::from_child(child), signal).unwrap();
+    }
+
+    fn memory_kb(&self) -> Option<u64> {
+        let id = self.child.as_ref()?.id();
+        let status = std::fs::read_to_string(format!("/proc/{id}/status")).ok()?;
+        let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:"))?;
+        line.split_whitespace().next()?.parse().ok()
+    }
+
+    fn ends_within(&mut self, limit: Duration) -> Option<ExitStatus> {
+        let began = Instant::now();
+        while began.elapsed() < limit {
+            if let Some(status) = self.child.as_mut()?.try_wait().unwrap() {
+                self.child = None;
+                return Some(status);
+            }
+            std::thread::sleep(Duration::from_millis(20));
+        }
+        None
+    }
+}
+
+fn log(path: &Path) -> File {
+    OpenOptions::new().create(true).append(true).open(path).unwrap()
+}
+
+/// A swarm.
+pub struct Swarm {
+    size: Size,
+    pub folder: tempfile::TempDir,
+    world: SocketAddr,
+    addresses: BTreeMap<Sender, SocketAddr>,
+    relays: BTreeMap<(Sender, Sender), Relay>,
+    processes: BTreeMap<String, Node>,
+    watch: Arc<Mutex<Watch>>,
+    operator: Option<Bus>,
+    began: Instant,
+    _place: Place,
+}
+
+impl Swarm {
+    /// Writes the files and starts the world, the vehicles, the ground station and the operator.
+    pub fn start(size: Size) -> Swarm {
+        let place = Place::take();
+        let nodes: Vec<Sender> = [GROUND].into_iter().chain((1..=size.vehicles).map(vehicle)).collect();
+        let mut swarm = Swarm {
+            size,
+            folder: tempfile::tempdir().unwrap(),
+            world: free_address(),
+            addresses: nodes.iter().map(|node| (*node, free_address())).collect(),
+            relays: BTreeMap::new(),
+            processes: BTreeMap::new(),
+            watch: Arc::default(),
+            operator: None,
+            began: Instant::now(),
+            _place: place,
+        };
+        if size.relayed {
+            swarm.relay_all(&nodes);
+        }
+        swarm.write_files();
+        let world = swarm.world.to_string();
+        swarm.spawn("world", &["world", "sim.toml", "--listen", &world, "--token", TOKEN]);
+        for node in nodes {
+            swarm.spawn_node(node);
+        }
+        let (watch, clock) = (swarm.watch.clone(), Clock::start());
+        let hear = move |heard: Heard| watch.lock().unwrap().hear(clock, &heard);
+        let operator = settings(&swarm.path("operator.toml"));
+        swarm.operator = Some(Bus::open(operator, clock, Troubles::default(), hear).unwrap());
+        swarm
+    }
+
+    /// The later node of each pair connects to the earlier one.
+    fn relay_all(&mut self, nodes: &[Sender]) {
+        for (index, later) in nodes.iter().enumerate() {
+            for earlier in &nodes[..index] {
+                self.relays.insert((*earlier, *later), Relay::start(self.addresses[earlier]));
+            }
+        }
+    }
+
+    pub fn path(&self, name: &str) -> PathBuf {
+        self.folder.path().join(name)
+    }
+
+    pub fn address(&self, node: Sender) -> SocketAddr {
+        self.addresses[&node]
+    }
+
+    pub fn write(&self, name: &str, text: &str) {
+        std::fs::write(self.path(name), text).unwrap();
+    }
+
+    fn write_files(&self) {
+        let Size { vehicles, laps, .. } = self.size;
+        let positions = self.positions();
+        let sweep = format!("[sweep]\npositions = {positions}\nlaps = {laps}\n");
+        self.write("venue.toml", VENUE);
+        self.write("scene.toml", SCENE);
+        let body = BODY;
+        self.write(
+            "sim.toml",
+            &format!("kind = \"sim\"\nvenue = \"venue.toml\"\nscene = \"scene.toml\"\n[vehicles]\ncount = {vehicles}\n{body}{sweep}"),
+        );
+        for id in 1..=vehicles {
+            let bus = self.bus_lines(vehicle(id));
+            self.write(&format!("vehicle-{id}.toml"), &self.vehicle_text(id, &format!("state-{id}"), &bus));
+        }
+        self.write("ground.toml", &self.ground_text("state-g", &self.bus_lines(GROUND)));
+        let all: Vec<String> = self.addresses.values().map(|at| format!("\"tcp/{at}\"")).collect();
+        let bus = format!("[bus]\nconnect = [{}]\ngossip = false\n", all.join(", "));
+        self.write("operator.toml", &format!("kind = \"operator\"\nvenue = \"venue.toml\"\n{bus}"));
+    }
+
+    /// Gives the `[bus]` of a node: through relays only, or by the ground station and what it tells.
+    fn bus_lines(&self, node: Sender) -> String {
+        let own = self.addresses[&node];
+        let through: Vec<String> = if self.size.relayed {
+            let mine = self.relays.iter().filter(|((_, later), _)| *later == node);
+            mine.map(|(_, relay)| format!("\"tcp/{}\"", relay.address())).collect()
+        } else if node == GROUND {
+            Vec::new()
+        } else {
+            vec![format!("\"tcp/{}\"", self.addresses[&GROUND])]
+        };
+        let gossip = !self.size.relayed;
+        format!("[bus]\nlisten = [\"tcp/{own}\"]\nconnect = [{}]\ngossip = {gossip}\n", through.join(", "))
+    }
+
+    /// Gives the file of a vehicle.
+    pub fn vehicle_text(&self, id: u8, state_dir: &str, bus: &str) -> String {
+        let driver = ["autopilot", "range", "servo", "radio"]
+            .map(|part| format!("[{part}]\ndriver = \"sim\"\n"))
+            .concat();
+        let world = format!("[world]\nconnect = \"{}\"\ntoken = \"{TOKEN}\"\n", self.world);
+        format!(
+            "kind = \"vehicle\"\nvenue = \"venue.toml\"\nid = {id}\nstate_dir = \"{state_dir}\"\n[vehicle]\n{BODY}{driver}{world}{bus}"
+        )
+    }
+
+    /// Gives the smallest ring that is allowed.
+    fn positions(&self) -> u32 {
+        if self.size.vehicles > 3 { 20 } else { 16 }
+    }
+
+    /// Gives the file of a ground station.
+    pub fn ground_text(&self, state_dir: &str, bus: &str) -> String {
+        let ids: Vec<String> = (1..=self.size.vehicles).map(|id| id.to_string()).collect();
+        let positions = self.positions();
+        format!(
+            "kind = \"ground\"\nvenue = \"venue.toml\"\nvehicles = [{}]\nstate_dir = \"{state_dir}\"\nlost_after_s = 8\n[sweep]\npositions = {positions}\nlaps = {}\n{bus}",
+            ids.join(", "),
+            self.size.laps
+        )
+    }
+
+    fn name(node: Sender) -> String {
+        match node {
+            Sender::Ground => "ground".to_owned(),
+            Sender::Vehicle(id) => format!("vehicle-{id}"),
+            Sender::Operator => "operator".to_owned(),
+        }
+    }
+
+    /// Starts a process under a name, or starts it again.
+    pub fn spawn(&mut self, name: &str, arguments: &[&str]) {
+        let log = self.path(&format!("{name}.log"));
+        let arguments = arguments.iter().map(|word| (*word).to_owned()).collect();
+        let mut node = Node { arguments, log, child: None };
+        node.start(self.folder.path());
+        self.processes.insert(name.to_owned(), node);
+    }
+
+    fn spawn_node(&mut self, node: Sender) {
+        let name = Swarm::name(node);
+        let command = if node == GROUND { "ground" } else { "vehicle" };
+        self.spawn(&name, &[command, &format!("{name}.toml")]);
+    }
+
+    /// Ends a process as a power cut does, after a look at how much memory it took.
+    pub fn kill(&mut self, name: &str) {
+        let mut node = self.processes.remove(name).unwrap();
+        check_memory(name, &node);
+        let child = node.child.as_mut().unwrap();
+        child.kill().unwrap();
+        child.wait().unwrap();
+        self.note(&format!("{name} killed"));
+    }
+
+    pub fn restart(&mut self, node: Sender) {
+        self.note(&format!("{node} started"));
+        self.spawn_node(node);
+    }
+
+    /// Stops a process from running, without ending it.
+    pub fn stop(&self, node: Sender) {
+        self.note(&format!("{node} stopped"));
+        self.processes[&Swarm::name(node)].signal(Signal::STOP);
+    }
+
+    pub fn go_on(&self, node: Sender) {
+        self.note(&format!("{node} goes on"));
+        self.processes[&Swarm::name(node)].signal(Signal::CONT);
+    }
+
+    /// Waits until a process ends by itself; gives its exit code and its log.
+    pub fn ended(&mut self, name: &str, limit: Duration) -> (Option<i32>, String) {
+        let node = self.processes.get_mut(name).unwrap();
+        let status = node.ends_within(limit);
+        let said = std::fs::read_to_string(&node.log).unwrap();
+        (status.and_then(|status| status.code()), said)
+    }
+
+    pub fn log_of(&self, node: Sender) -> String {
+        std::fs::read_to_string(self.path(&format!("{}.log", Swarm::name(node)))).unwrap()
+    }
+
+    /// Gives all relays between one side and the rest.
+    pub fn border<'a>(&'a self, side: &'a [Sender]) -> impl Iterator<Item = &'a Relay> {
+        let crosses = |(a, b): &(Sender, Sender)| side.contains(a) != side.contains(b);
+        self.relays.iter().filter(move |(ends, _)| crosses(ends)).map(|(_, relay)| relay)
+    }
+
+    pub fn relays(&self) -> impl Iterator<Item = &Relay> {
+        self.relays.values()
+    }
+
+    /// Looks at what the operator has heard.
+    pub fn look<T>(&self, look: impl FnOnce(&Watch) -> T) -> T {
+        look(&self.watch.lock().unwrap())
+    }
+
+    /// Waits until something was heard.
+    pub fn until(&self, what: &str, limit_s: u64, holds: impl Fn(&Watch) -> bool) {
+        let began = Instant::now();
+        while !self.look(&holds) {
+            let report = self.look(Watch::report);
+            assert!(
+                began.elapsed() < Duration::from_secs(limit_s),
+                "not within {limit_s} s: {what}; {report:?}"
+            );
+            std::thread::sleep(Duration::from_millis(50));
+        }
+        self.note(&format!("{what}, after {:.1} s", began.elapsed().as_secs_f64()));
+    }
+
+    pub fn note(&self, what: &str) {
+        println!("{:5.1} s {what}", self.began.elapsed().as_secs_f64());
+    }
+
+    /// Waits until everyone is there, and starts run 1.
+    pub fn begin(&self) {
+        self.until("all are there", 20, |watch| {
+            let all = (1..=self.size.vehicles).all(|id| watch.roll.state(VehicleId(id)).is_some());
+            all && !watch.reports.is_empty()
+        });
+        self.order(&["start", "--run", "1"]);
+        self.until("the sweep runs", 60, |watch| watch.report().phase == StationPhase::Running);
+    }
+
+    /// Waits until the sweep has begun and so many samples of run 1 are stored.
+    pub fn until_samples(&self, count: u64) {
+        self.until("enough samples", 60, |watch| watch.report().samples >= count);
+    }
+
+    pub fn order(&self, words: &[&str]) {
+        let mut program = Command::new(PROGRAM);
+        let run = program.args(["order", "operator.toml"]).args(words).current_dir(self.folder.path());
+        let run = run.output().unwrap();
+        assert!(run.status.success(), "order {words:?}: {}", String::from_utf8_lossy(&run.stderr));
+    }
+
+    /// Waits until the sweep has ended.
+    pub fn until_end(&self) {
+        self.until("the sweep has ended", 150, Watch::has_ended);
+    }
+
+    /// Waits until the maps of all nodes are equal.
+    pub fn until_maps_equal(&self, limit_s: u64) {
+        let nodes: BTreeSet<Sender> = self.addresses.keys().copied().collect();
+        let began = Instant::now();
+        while !self.look(|watch| watch.agree(&nodes)) {
+            let held = || self.look(|watch| format!("{:?}", watch.digests));
+            assert!(began.elapsed() < Duration::from_secs(limit_s), "maps differ: {}", held());
+            std::thread::sleep(Duration::from_millis(50));
+        }
+        self.note(&format!("all maps are equal, after {:.1} s", began.elapsed().as_secs_f64()));
+    }
+
+    /// Checks what every scenario claims: the sweep ends, maps are equal, no collision, bounded memory, an end in order,
+    /// and no sample lost or doubled.
+    pub fn finish(&mut self) {
+        self.until_end();
+        self.until_maps_equal(10);
+        self.finish_among_strangers();
+    }
+
+    /// The same where others have written into the maps, whose digests are their own.
+    pub fn finish_among_strangers(&mut self) {
+        self.until_end();
+        for (name, node) in &self.processes {
+            check_memory(name, node);
+        }
+        let status = WorldControl::connect(self.world, TOKEN).unwrap().report().unwrap();
+        assert_eq!((status.collision_count, status.fence_breaches), (0, 0), "{:?}", status.collisions);
+        self.end_in_order();
+        self.check_samples("state-g");
+    }
+
+    fn end_in_order(&mut self) {
+        let is_node = |name: &&String| name.starts_with("vehicle") || name.starts_with("ground");
+        let names: Vec<String> = self.processes.keys().filter(is_node).cloned().collect();
+        for name in &names {
+            let node = &self.processes[name];
+            if node.child.is_some() {
+                node.signal(Signal::TERM);
+            }
+        }
+        for name in &names {
+            let node = self.processes.get_mut(name).unwrap();
+            if node.child.is_some() {
+                let status = node.ends_within(Duration::from_secs(15));
+                assert_eq!(status.and_then(|status| status.code()), Some(0), "{name} does not end in order");
+            }
+        }
+    }
+
+    /// Checks that a store has every sample that was ever said, as it was said, and no sequence has a gap.
+    pub fn check_samples(&self, state_dir: &str) {
+        let store = GroundStore::open_to_read(&self.path(state_dir).join("ground.sqlite")).unwrap();
+        let mut stored: BTreeMap<_, BTreeMap<u64, Sample>> = BTreeMap::new();
+        let mut count = 0;
+        store
+            .each_sample(None, |row| {
+                count += 1;
+                let of = (row.vehicle, row.boot, row.run);
+                let known = stored.entry(of).or_default().insert(row.sample.sequence, row.sample);
+                assert_eq!(known, None, "doubled");
+            })
+            .unwrap();
+        // Strangers may have got something stored; of them nothing is claimed.
+        stored.retain(|(vehicle, _, _), _| vehicle.0 <= self.size.vehicles);
+        for (of, samples) in &stored {
+            let sequences: Vec<u64> = samples.keys().copied().collect();
+            let whole: Vec<u64> = (0..samples.len() as u64).collect();
+            assert_eq!(sequences, whole, "a gap in {of:?}");
+        }
+        self.look(|watch| {
+            for (of, samples) in watch.samples.iter().filter(|(of, _)| of.0.0 <= self.size.vehicles) {
+                let in_store = &stored[of];
+                for (sequence, sample) in samples {
+                    assert_eq!(in_store.get(sequence), Some(sample), "{of:?}");
+                }
+            }
+        });
+        let vehicles: BTreeSet<VehicleId> = stored.keys().map(|(vehicle, _, _)| *vehicle).collect();
+        assert_eq!(vehicles.len(), usize::from(self.size.vehicles), "somebody measured nothing");
+        let runs = store.runs().unwrap();
+        assert!(runs.iter().any(|run| run.run == RunId(1) && run.closed_utc_s.is_some()), "{runs:?}");
+        self.note(&format!("{count} samples stored, of {} starts", stored.len()));
+    }
+}
+
+fn check_memory(name: &str, node: &Node) {
+    if let Some(peak_kb) = node.memory_kb() {
+        println!("        {name}: at most {peak_kb} kB");
+        assert!(peak_kb < MEMORY_MAX_KB, "{name} took {peak_kb} kB");
+    }
+}
+
+impl Drop for Swarm {
+    fn drop(&mut self) {
+        for node in self.processes.values_mut() {
+            if let Some(child) = &mut node.child {
+                let _ = child.kill();
+                let _ = child.wait();
+            }
+        }
+        if std::thread::panicking() {
+            for node in self.processes.values() {
+                let text = std::fs::read_to_string(&node.log).unwrap_or_default();
+                let lines: Vec<&str> = text.lines().collect();
+                let last = &lines[lines.len().saturating_sub(25)..];
+                println!("--- {}\n{}", node.log.display(), last.join("\n"));
+            }
+        }
+    }
+}
+
+const VENUE: &str = "kind = \"venue\"
+name = \"courtyard\"
+area_m = [0, 0, 6, 6]
+fence_m = [[-4, -4], [10, -4], [10, 10], [-4, 10]]
+homes_m = [[-1.5, -1.5], [7.5, -1.5], [7.5, 7.5], [-1.5, 7.5]]
+[datum]
+latitude_deg = 52.0
+longitude_deg = 4.0
+";
+const SCENE: &str = "kind = \"scene\"
+name = \"small\"
+[[person]]
+name = \"ada\"
+at_m = [3, 3.5]
+";
+/// As fast as the range sensor allows.
+const BODY: &str = "max_speed_mps = 1.5
+acceleration_mps2 = 3
+braking_mps2 = 3
+turn_rate_deg_per_s = 360
+";

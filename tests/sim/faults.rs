@@ -1,0 +1,88 @@
+//! What a swarm does when bus, radio, software, sensor or battery of its vehicles fail: it is safe, whatever happens,
+//! and goes on when the ground can decide again.
+
+use crate::place::{Place, assert_settled};
+
+fn place(vehicles: usize, root: &str, faults: &str) -> Place {
+    let end = format!("end = \"return\"\n{root}");
+    Place::new(12.0, 12.0).vehicles(vehicles).root(&end).with(faults)
+}
+
+fn fault(kind: &str, lines: &str) -> String {
+    format!("[[fault]]\nkind = \"{kind}\"\nat_s = 60.0\n{lines}\n")
+}
+
+#[test]
+fn all_that_lose_the_bus_come_home_and_none_moves_without_the_radio_too() {
+    let safety = "[safety]\nautonomy_s = 10.0\n";
+    let bus = format!("{safety}{}", fault("bus", ""));
+    let outcome = place(4, "until_s = 1000.0\nexpect = \"home\"", &bus).run_to_the_end();
+    assert_eq!((outcome.home, outcome.log.matches("Decides(BusLost, Returning)").count()), (4, 4));
+    let both = format!("{bus}{}", fault("radio", ""));
+    let outcome = place(4, "until_s = 200.0\nexpect = \"held\"", &both).run_to_the_end();
+    assert_eq!((outcome.home, outcome.held), (0, 4));
+    let last =
+        outcome.log.lines().filter(|line| line.contains("drives 0.")).filter(|line| !line.ends_with("0.000"));
+    let moved_s = last.filter_map(|line| line.split(' ').next()?.parse::<f64>().ok()).fold(0.0, f64::max);
+    assert!((20.0..64.0).contains(&moved_s), "somebody drives after {moved_s} s");
+}
+
+#[test]
+fn a_sweep_goes_on_when_the_bus_is_back() {
+    let faults = format!("[safety]\nautonomy_s = 10.0\n{}", fault("bus", "until_s = 250.0"));
+    let outcome = place(3, "until_s = 3000.0", &faults).run_to_the_end();
+    assert!(outcome.log.contains("Decides(BusLost, Returning)"));
+    assert_settled(&outcome);
+}
+
+#[test]
+fn a_vehicle_that_restarts_is_planned_for_anew_and_no_sample_is_lost() {
+    for seed in 1..4 {
+        let faults = fault("restart", "vehicles = [2]");
+        let outcome = place(3, "until_s = 3000.0", &faults).seed(seed).run_to_the_end();
+        assert!(outcome.log.contains("its software starts, boot 2"));
+        assert_settled(&outcome);
+    }
+}
+
+#[test]
+fn the_others_end_the_sweep_of_a_vehicle_that_is_lost() {
+    for seed in 1..4 {
+        let outcome = place(3, "until_s = 3000.0", &fault("dead", "vehicles = [2]")).seed(seed).run_safely();
+        assert!(outcome.log.contains("Lost(VehicleId(2))"), "{}", crate::place::tail(&outcome.log));
+        assert!(outcome.finished, "{:?}: {}", outcome.failure, crate::place::tail(&outcome.log));
+    }
+}
+
+#[test]
+fn a_vehicle_that_comes_back_gets_work_again() {
+    let outcome =
+        place(3, "until_s = 3000.0", &fault("restart", "until_s = 190.0\nvehicles = [2]")).run_to_the_end();
+    let log = &outcome.log;
+    assert!(
+        log.contains("Lost(VehicleId(2))") && log.contains("Found(VehicleId(2))"),
+        "{}",
+        crate::place::tail(log)
+    );
+    let back = log.split("its software starts, boot 2").nth(1).unwrap_or_default();
+    assert!(back.contains("vehicle 2 Done("), "it does stops again");
+    assert_settled(&outcome);
+}
+
+#[test]
+fn nobody_touches_a_vehicle_that_is_dead_blind_or_goes_home_with_an_empty_battery() {
+    let dead = place(3, "until_s = 400.0", &fault("dead", "vehicles = [2]")).run_safely();
+    assert!(dead.log.contains("Silent(VehicleId(2))"));
+    place(3, "until_s = 400.0", &fault("sensor", "vehicles = [1]")).run_safely();
+    let low = place(3, "until_s = 400.0", &fault("battery", "charge = 0.15\nvehicles = [1]")).run_safely();
+    assert!(low.log.contains("vehicle 1 Home"), "{}", crate::place::tail(&low.log));
+    let empty = place(3, "until_s = 400.0", &fault("battery", "charge = 0.04\nvehicles = [1]")).run_safely();
+    assert!(empty.log.contains("vehicle 1 Decides(BatteryEmpty, Held)"));
+    assert!(!empty.log.contains("vehicle 1 Home"));
+}
+
+#[test]
+fn without_any_radio_a_sweep_is_driven_and_measures_nothing_more() {
+    let outcome = place(2, "until_s = 2000.0", &fault("radio", "vehicles = [1]")).run_to_the_end();
+    assert_settled(&outcome);
+}
