@@ -20,6 +20,9 @@ const LOCK: &str = ".lock";
 
 /// The folder for recordings.
 const FLIGHT: &str = "flight";
+/// The folder for what the processes of a live swarm leave behind, and the file that tells it from others of this name.
+const LIVE: &str = "live";
+const LIVE_MARK: &str = ".tomoswarm-live";
 
 /// Files that are to appear in a folder.
 #[derive(Debug)]
@@ -46,6 +49,9 @@ impl OutputFolder {
         // A link that leads nowhere is in the way as well.
         if !target.is_dir() && target.symlink_metadata().is_ok() {
             return Err(fail(io::Error::other("something else is there; a folder is expected")));
+        }
+        if is_foreign_live(&target.join(LIVE)) {
+            return Err(fail(io::Error::other("it holds a folder `live` that is not of a run")));
         }
         let place = place_of_stage(target);
         let made = missing(place);
@@ -89,6 +95,18 @@ impl OutputFolder {
         Ok(folder)
     }
 
+    /// Gives a folder for a live swarm in the stage; it appears with the rest as `live`.
+    ///
+    /// # Errors
+    /// It cannot be made.
+    #[cfg(feature = "net")]
+    pub fn live(&self) -> Result<PathBuf, CliError> {
+        let folder = self.stage.join(LIVE);
+        let made = fs::create_dir_all(&folder).and_then(|()| fs::write(folder.join(LIVE_MARK), b""));
+        made.map_err(|source| CliError::Write { path: self.target.join(LIVE), source })?;
+        Ok(folder)
+    }
+
     /// Lets all files appear, in place of those of an earlier run.
     ///
     /// # Errors
@@ -110,7 +128,20 @@ impl OutputFolder {
             fs::remove_file(&path).map_err(|source| fail(&path, source))?;
         }
         self.publish_recordings().map_err(|source| fail(&self.target.join(FLIGHT), source))?;
+        self.publish_live().map_err(|source| fail(&self.target.join(LIVE), source))?;
         Ok(self.target.clone())
+    }
+
+    /// Lets the folder of a live swarm appear in place of that of an earlier run.
+    fn publish_live(&self) -> io::Result<()> {
+        let (from, to) = (self.stage.join(LIVE), self.target.join(LIVE));
+        if is_foreign_live(&to) {
+            return Err(io::Error::other("it is not of a run"));
+        }
+        if to.exists() {
+            fs::remove_dir_all(&to)?;
+        }
+        if from.exists() { fs::rename(&from, &to) } else { Ok(()) }
     }
 
     /// Lets recordings appear in place of those of an earlier run.
@@ -127,6 +158,11 @@ impl OutputFolder {
         }
         Ok(())
     }
+}
+
+/// Tells whether something is there that no run has made.
+fn is_foreign_live(folder: &Path) -> bool {
+    folder.symlink_metadata().is_ok() && !folder.join(LIVE_MARK).is_file()
 }
 
 /// Lists the recordings in a folder, which has a folder for each node; files of other names are none.
@@ -280,6 +316,25 @@ mod tests {
         assert_eq!(error.exit_code(), 2);
         assert!(prepare(&path.join("below")).is_err());
         assert_eq!(listed(root.path()), ["taken"]);
+    }
+
+    #[test]
+    #[cfg(feature = "net")]
+    fn what_a_live_swarm_left_gives_way_to_the_next_run_and_a_folder_of_somebody_else_does_not() {
+        let root = tempfile::tempdir().unwrap();
+        let target = root.path().join("run");
+        let folder = prepare(&target).unwrap();
+        fs::write(folder.live().unwrap().join("first.log"), b"").unwrap();
+        folder.publish().unwrap();
+        assert!(target.join("live/first.log").exists());
+        let folder = prepare(&target).unwrap();
+        fs::write(folder.live().unwrap().join("second.log"), b"").unwrap();
+        folder.publish().unwrap();
+        assert!(target.join("live/second.log").exists() && !target.join("live/first.log").exists());
+        prepare(&target).unwrap().publish().unwrap();
+        assert!(!target.join("live").exists());
+        fs::create_dir(target.join("live")).unwrap();
+        assert!(prepare(&target).unwrap_err().to_string().contains("not of a run"));
     }
 
     #[test]

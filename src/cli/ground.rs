@@ -33,6 +33,9 @@ pub struct GroundArgs {
     /// Log more
     #[arg(long)]
     pub verbose: bool,
+    /// End when standard input ends
+    #[arg(long, hide = true)]
+    pub tied: bool,
 }
 
 const AFTER_HELP: &str = "\
@@ -69,6 +72,9 @@ impl GroundArgs {
         }
         logging::begin(self.verbose);
         let stop = Stop::listen();
+        if self.tied {
+            stop.end_with_input(|| {});
+        }
         let is_terminal = std::io::stderr().is_terminal();
         let mut status = |status: &Status| {
             if is_terminal {

@@ -6,7 +6,7 @@ use std::path::Path;
 use super::error::CliError;
 use super::plan::planned;
 use super::read;
-use crate::config::{self, SceneFile, Sim, bundled};
+use crate::config::{self, Problems, SceneFile, Sim, bundled};
 use crate::scene::{self, VrmlScene};
 use crate::sim::Scenario;
 
@@ -16,17 +16,36 @@ pub struct Loaded {
     pub sim: Sim,
     /// Its shapes.
     pub shapes: VrmlScene,
+    /// The text of its venue's file.
+    #[cfg(feature = "net")]
+    pub venue_text: String,
 }
+
+/// What reads a simulation's file.
+type Read = fn(&str, &str, Option<usize>, &mut config::Loader<'_>) -> Result<Sim, Problems>;
 
 /// Reads a simulation file and everything that it names; the bundled example without one.
 ///
 /// # Errors
 /// Everything that is wrong with the files.
 pub fn load(file: Option<&Path>, vehicles: Option<usize>) -> Result<Loaded, CliError> {
+    load_as(config::read_sim, file, vehicles)
+}
+
+/// Does the same for a world, which may hold more vehicles than can sweep together.
+///
+/// # Errors
+/// Everything that is wrong with the files.
+#[cfg(feature = "net")]
+pub fn load_world(file: Option<&Path>, vehicles: Option<usize>) -> Result<Loaded, CliError> {
+    load_as(config::read_world, file, vehicles)
+}
+
+fn load_as(read_sim: Read, file: Option<&Path>, vehicles: Option<usize>) -> Result<Loaded, CliError> {
     let Some(path) = file else {
-        return load_with(bundled::COURTYARD, vehicles, &mut |name| bundled::load(name));
+        return load_with(read_sim, bundled::COURTYARD, vehicles, &mut |name| bundled::load(name));
     };
-    load_with(&read::shown(path), vehicles, &mut read::around(path)).map_err(|error| match error {
+    load_with(read_sim, &read::shown(path), vehicles, &mut read::around(path)).map_err(|error| match error {
         // The simulation file itself is named by the user, not by another file.
         CliError::Input { path: ref missing, .. } if *missing == Path::new(&read::shown(path)) => {
             read::text(path).err().unwrap_or(error)
@@ -36,15 +55,38 @@ pub fn load(file: Option<&Path>, vehicles: Option<usize>) -> Result<Loaded, CliE
 }
 
 fn load_with(
+    read_sim: Read,
     name: &str,
     vehicles: Option<usize>,
     loader: &mut config::Loader<'_>,
 ) -> Result<Loaded, CliError> {
     let unreadable = |reason| CliError::Input { path: name.into(), reason };
     let text = loader(name).map_err(unreadable)?;
-    let sim = config::read_sim(name, &text, vehicles, loader)?;
+    #[cfg(feature = "net")]
+    let mut venue_text = String::new();
+    let mut noting = |name: &str| {
+        let text = loader(name)?;
+        #[cfg(feature = "net")]
+        if is_venue(&text) {
+            venue_text.clone_from(&text);
+        }
+        Ok(text)
+    };
+    let sim = read_sim(name, &text, vehicles, &mut noting)?;
     let shapes = shapes_of(&sim.scene, loader)?;
-    Ok(Loaded { sim, shapes })
+    Ok(Loaded {
+        sim,
+        shapes,
+        #[cfg(feature = "net")]
+        venue_text,
+    })
+}
+
+/// Tells whether a text is that of a venue's file.
+#[cfg(feature = "net")]
+fn is_venue(text: &str) -> bool {
+    let mut no_files = |_: &str| Err("a venue names no other files".to_owned());
+    matches!(config::read("venue", text, &mut no_files), Ok(config::Config::Venue(_)))
 }
 
 /// Reads the shapes that a scene names; none when it names no file.
@@ -95,4 +137,16 @@ pub fn scenario(loaded: Loaded, file: Option<&Path>, seed: Option<u64>) -> Resul
             Ok(_) => Ok(scenario),
         },
     }
+}
+
+/// Makes the scenario of a world: nothing is swept by itself.
+///
+/// # Errors
+/// What the files alone could not tell, e.g. a vehicle that starts inside a wall.
+#[cfg(feature = "net")]
+pub fn world(loaded: Loaded, file: Option<&Path>, seed: Option<u64>) -> Result<Scenario, CliError> {
+    let seed = seed.unwrap_or(loaded.sim.seed);
+    let path = file.map_or_else(|| bundled::COURTYARD.into(), Path::to_owned);
+    Scenario::new(loaded.sim, loaded.shapes.shapes, seed)
+        .map_err(|error| CliError::Input { path, reason: error.to_string() })
 }

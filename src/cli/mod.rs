@@ -20,6 +20,8 @@ mod folder;
 #[cfg(feature = "net")]
 pub mod ground;
 pub mod image;
+#[cfg(feature = "net")]
+mod live;
 mod load;
 #[cfg(feature = "net")]
 mod logging;

@@ -40,7 +40,7 @@ pub struct SimArgs {
     #[arg(long, value_name = "N", allow_negative_numbers = true)]
     pub seed: Option<u64>,
     /// Number of vehicles, 2 to 8, in place of the file's; the venue must have a home for each
-    #[arg(long, value_name = "N", allow_negative_numbers = true)]
+    #[arg(short = 'n', long, value_name = "N", allow_negative_numbers = true)]
     pub vehicles: Option<usize>,
     /// Give up after this much virtual time, in place of the file's; the mission has failed then
     #[arg(long, value_name = "SECONDS", allow_negative_numbers = true, value_parser = parse_seconds)]
@@ -55,6 +55,14 @@ pub struct SimArgs {
     #[cfg(feature = "net")]
     #[arg(long, conflicts_with = "trials")]
     pub record: bool,
+    /// In real time, by real processes on this machine: a world, a ground station, and each vehicle one
+    #[cfg(feature = "net")]
+    #[arg(long, conflicts_with_all = ["trials", "record"])]
+    pub live: bool,
+    /// How the processes are joined
+    #[cfg(feature = "net")]
+    #[arg(long, value_enum, value_name = "SHAPE", default_value = "mesh", requires = "live")]
+    pub topology: super::live::Shape,
     /// Run this many seeds, beginning with --seed, on all cores; print a table and write no folder
     #[arg(
         long,
@@ -81,6 +89,8 @@ Examples:
   tomoswarm sim --seed 7                        the persons stand elsewhere
   tomoswarm sim --vehicles 4 --out four         four rovers, written to the folder four
   tomoswarm sim --trials 20                     20 seeds, one line each
+  tomoswarm sim configs/small.sim.toml --live   a short scenario in real time, by real processes (about 2 minutes)
+  tomoswarm sim --live -n 8 --topology star     eight vehicle processes joined by the ground station
   tomoswarm sim configs/courtyard.sim.toml      a file of your own: copy it with its venue and scene
 
 Exit codes: 0 done; 1 a collision, a breach of the fence, a sweep that did not end or was stopped, or in --trials too
@@ -103,18 +113,37 @@ impl SimArgs {
         if let Some(count) = self.trials {
             return trials::run(self, count, &Stop::listen(), out);
         }
+        #[cfg(feature = "net")]
+        if self.live {
+            return super::live::run(self, out);
+        }
         let scenario = self.scenario(self.seed)?;
         let seed = self.seed.unwrap_or(scenario.sim().seed);
         let target = self.out.clone().unwrap_or_else(|| default_folder(&scenario, seed));
         let stop = Stop::listen();
-        let mut folder = OutputFolder::prepare(&target, FAMILY)?;
+        let folder = OutputFolder::prepare(&target, FAMILY)?;
         let started = started();
         let outcome = self.outcome(&scenario, &folder, &stop, started)?;
-        write_data(&mut folder, &scenario, &outcome)?;
+        self.publish(folder, &scenario, &outcome, (seed, started.elapsed()), out)
+    }
+
+    /// Writes everything that a run leaves behind, and says how it went.
+    ///
+    /// # Errors
+    /// A file cannot be written, or the mission failed.
+    pub(super) fn publish(
+        &self,
+        mut folder: OutputFolder,
+        scenario: &Scenario,
+        outcome: &Outcome,
+        (seed, wall): (u64, Duration),
+        out: &mut dyn Write,
+    ) -> Result<(), CliError> {
+        write_data(&mut folder, scenario, outcome)?;
         if !self.no_pictures {
-            write_pictures(&mut folder, &scenario, &outcome)?;
+            write_pictures(&mut folder, scenario, outcome)?;
         }
-        let report = Report::new(&scenario, &outcome, seed, started.elapsed());
+        let report = Report::new(scenario, outcome, seed, wall);
         report.write(&mut folder)?;
         let target = folder.publish()?;
         let kinds = if self.no_pictures { "data" } else { "pictures and data" };
@@ -167,6 +196,14 @@ impl SimArgs {
     /// # Errors
     /// Everything that is wrong with the files.
     pub(super) fn scenario(&self, seed: Option<u64>) -> Result<Scenario, CliError> {
+        load::scenario(self.loaded()?, self.config.as_deref(), seed)
+    }
+
+    /// Loads the files.
+    ///
+    /// # Errors
+    /// Everything that is wrong with them.
+    pub(super) fn loaded(&self) -> Result<Loaded, CliError> {
         let mut loaded: Loaded = load::load(self.config.as_deref(), self.vehicles)?;
         for warning in &loaded.shapes.warnings {
             complain(&format_args!("warning: {warning}"));
@@ -174,7 +211,7 @@ impl SimArgs {
         if let Some(until) = self.until {
             loaded.sim.until = until;
         }
-        load::scenario(loaded, self.config.as_deref(), seed)
+        Ok(loaded)
     }
 }
 
@@ -192,7 +229,7 @@ fn why_failed(failure: Option<&str>, collisions: usize, fence_breaches: usize) -
     (!reasons.is_empty()).then(|| reasons.join("; "))
 }
 
-fn default_folder(scenario: &Scenario, seed: u64) -> PathBuf {
+pub(super) fn default_folder(scenario: &Scenario, seed: u64) -> PathBuf {
     Path::new("out").join(format!("{}-{seed}", scenario.sim().scene.name))
 }
 
@@ -200,7 +237,7 @@ fn default_folder(scenario: &Scenario, seed: u64) -> PathBuf {
     clippy::disallowed_methods,
     reason = "the shell measures how long a run took, pictures included; no decision hangs on it"
 )]
-fn started() -> Instant {
+pub(super) fn started() -> Instant {
     Instant::now()
 }
 

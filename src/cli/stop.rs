@@ -4,11 +4,19 @@
 //! The first request lets the command end in order; a second one ends the program at once. What is left then
 //! is a hidden folder that the next run removes.
 
+#[cfg(feature = "net")]
+use std::io::Read;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
+#[cfg(feature = "net")]
+use std::time::Duration;
 
 /// Exit code of a program that was ended at once, as shells have it for SIGINT.
 const ENDED_AT_ONCE: i32 = 130;
+
+/// Who is tied to another program and has not ended so long after it, is ended.
+#[cfg(feature = "net")]
+const ORPHAN_ENDS_WITHIN: Duration = Duration::from_secs(8);
 
 /// A flag that a request to end raises, and nothing lowers.
 #[derive(Clone, Debug, Default)]
@@ -36,8 +44,33 @@ impl Stop {
         stop
     }
 
+    /// Asks to end as well when standard input ends: it is a pipe of the program that has started this one, which is
+    /// gone then. Who has not ended in order within 8 s is ended at once.
+    #[cfg(feature = "net")]
+    pub fn end_with_input(&self, ask: impl Fn() + Send + 'static) {
+        let flag = self.is_asked.clone();
+        let watch = move || {
+            let mut ignored = [0; 256];
+            let mut input = std::io::stdin().lock();
+            // What cannot be read any more has ended, too.
+            while input.read(&mut ignored).is_ok_and(|read| read > 0) {}
+            flag.store(true, Ordering::Relaxed);
+            ask();
+            wait(ORPHAN_ENDS_WITHIN);
+            std::process::exit(ENDED_AT_ONCE);
+        };
+        // A machine that has no thread to give can hardly have started us.
+        let _ = std::thread::Builder::new().name("standard input".to_owned()).spawn(watch);
+    }
+
     /// Tells whether the command shall end.
     pub fn is_asked(&self) -> bool {
         self.is_asked.load(Ordering::Relaxed)
     }
+}
+
+#[cfg(feature = "net")]
+#[allow(clippy::disallowed_methods, reason = "the program that would end us is gone; nobody is kept waiting")]
+fn wait(span: Duration) {
+    std::thread::sleep(span);
 }

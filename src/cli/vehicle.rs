@@ -31,6 +31,9 @@ pub struct VehicleArgs {
     /// Log more
     #[arg(long)]
     pub verbose: bool,
+    /// End when standard input ends
+    #[arg(long, hide = true)]
+    pub tied: bool,
 }
 
 const AFTER_HELP: &str = "\
@@ -56,6 +59,9 @@ impl VehicleArgs {
         }
         logging::begin(self.verbose);
         let stop = Stop::listen();
+        if self.tied {
+            stop.end_with_input(|| {});
+        }
         let is_terminal = std::io::stderr().is_terminal();
         let mut status = |status: &Status| {
             if is_terminal {

@@ -2,14 +2,14 @@
 
 use std::io::Write;
 use std::net::SocketAddr;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use super::answer::complain;
 use super::describe::describe;
 use super::error::CliError;
 use super::load;
 use super::stop::Stop;
-use crate::config::Config;
+use crate::config::{Config, bundled};
 use crate::run::link::Status;
 use crate::run::world::{WorldError, WorldServer};
 use crate::sim::Scenario;
@@ -21,13 +21,13 @@ use crate::sim::Scenario;
 /// ends it; then it prints what the referee saw. Who does not know the token is refused.
 ///
 /// A vehicle whose process is gone or silent for 2 s brakes and stands; when it comes back (with a higher boot), it goes
-/// on from there. A contact ends all motion of those involved.
+/// on from there. A contact ends all motion of those involved. There may be more vehicles than can sweep together.
 #[derive(clap::Args, Debug)]
 #[command(after_help = AFTER_HELP)]
 pub struct WorldArgs {
-    /// A simulation file (kind = "sim"); see configs/courtyard.sim.toml
+    /// A simulation file (kind = "sim"); see configs/courtyard.sim.toml [default: the bundled example]
     #[arg(value_name = "CONFIG")]
-    pub config: PathBuf,
+    pub config: Option<PathBuf>,
     /// Address to listen on, of this machine only; port 0 takes a free one
     #[arg(long, value_name = "ADDRESS", default_value = "127.0.0.1:0")]
     pub listen: SocketAddr,
@@ -37,12 +37,15 @@ pub struct WorldArgs {
     /// Seed of everything that is random [default: the file's]
     #[arg(long, value_name = "N", allow_negative_numbers = true)]
     pub seed: Option<u64>,
-    /// Number of vehicles, 2 to 8, in place of the file's; the venue must have a home for each
+    /// Number of vehicles, 2 to 250, in place of the file's; the venue must have a home for each
     #[arg(long, value_name = "N", allow_negative_numbers = true)]
     pub vehicles: Option<usize>,
     /// Print what would start, and end
     #[arg(long)]
     pub check: bool,
+    /// End when standard input ends
+    #[arg(long, hide = true)]
+    pub tied: bool,
 }
 
 const AFTER_HELP: &str = "\
@@ -65,7 +68,11 @@ impl WorldArgs {
         let token = self.token.clone().map_or_else(draw_token, Ok)?;
         let server = WorldServer::start(&scenario, self.listen, &token).map_err(refused)?;
         let stopper = server.stopper();
-        let _stop = Stop::listen_with(move || stopper.stop());
+        let by_input = stopper.clone();
+        let stop = Stop::listen_with(move || stopper.stop());
+        if self.tied {
+            stop.end_with_input(move || by_input.stop());
+        }
         let drawn = if self.token.is_none() { format!(" token {token}") } else { String::new() };
         say(out, &format!("world {}{drawn}\n", server.address()))?;
         let status = server.wait();
@@ -77,19 +84,20 @@ impl WorldArgs {
     }
 
     fn scenario(&self) -> Result<Scenario, CliError> {
-        let loaded = load::load(Some(&self.config), self.vehicles)?;
+        let loaded = load::load_world(self.config.as_deref(), self.vehicles)?;
         for warning in &loaded.shapes.warnings {
             complain(&format_args!("warning: {warning}"));
         }
-        load::scenario(loaded, Some(&self.config), self.seed)
+        load::world(loaded, self.config.as_deref(), self.seed)
     }
 
     fn plan(&self, scenario: &Scenario) -> String {
         let described = describe(&Config::Sim(Box::new(scenario.sim().clone())));
+        let name = self.config.as_deref().unwrap_or(Path::new(bundled::COURTYARD));
         let token = if self.token.is_some() { "as given" } else { "drawn at the start" };
         format!(
             "{}: {described}  world        would listen on {}, token {token}\n",
-            self.config.display(),
+            name.display(),
             self.listen
         )
     }

@@ -73,7 +73,7 @@ pub fn read(file_name: &str, text: &str, loader: &mut Loader) -> Result<Config, 
     read_root(file_name, text, |root| match root.text("kind").as_deref() {
         Some("venue") => Some(Config::Venue(Venue::read(root))),
         Some("scene") => Some(Config::Scene(SceneFile::read(root))),
-        Some("sim") => Sim::read(root, None, loader).map(|sim| Config::Sim(Box::new(sim))),
+        Some("sim") => Sim::read(root, None, vehicle::SWARM, loader).map(|sim| Config::Sim(Box::new(sim))),
         Some("vehicle") => VehicleFile::read(root, loader).map(|file| Config::Vehicle(Box::new(file))),
         Some("ground") => GroundFile::read(root, loader).map(|file| Config::Ground(Box::new(file))),
         Some("operator") => OperatorFile::read(root, loader).map(|file| Config::Operator(Box::new(file))),
@@ -100,7 +100,22 @@ pub fn read_sim(
     vehicles: Option<usize>,
     loader: &mut Loader,
 ) -> Result<Sim, Problems> {
-    read_kind(file_name, text, "sim", |root| Sim::read(root, vehicles, loader))
+    read_kind(file_name, text, "sim", |root| Sim::read(root, vehicles, vehicle::SWARM, loader))
+}
+
+/// Reads a simulation file as [`read_sim`] does, for a world whose vehicles are driven by others: there may be more of
+/// them than can sweep together.
+///
+/// # Errors
+///
+/// As for [`read_sim`].
+pub fn read_world(
+    file_name: &str,
+    text: &str,
+    vehicles: Option<usize>,
+    loader: &mut Loader,
+) -> Result<Sim, Problems> {
+    read_kind(file_name, text, "sim", |root| Sim::read(root, vehicles, vehicle::CROWD, loader))
 }
 
 /// Reads the file of a vehicle's node, with the venue that it names.

@@ -1,6 +1,7 @@
 //! A simulated mission: its venue and scene, loaded, and every constant of vehicles, sensors, radio,
 //! bus, sweep and imaging; and the checks that concern several of them together.
 
+use std::ops::RangeInclusive;
 use std::time::Duration;
 
 use tomoswarm_proto::VehicleId;
@@ -10,7 +11,7 @@ use super::mission::{Durations, End, Expect, Imaging, Planner, SMALLEST_GAP, Swe
 use super::radio::{Bus, Radio};
 use super::scene::SceneFile;
 use super::section::Section;
-use super::vehicle::{RangeSensor, Safety, Vehicles, sight};
+use super::vehicle::{RangeSensor, SWARM, Safety, Vehicles, sight};
 use super::venue::Venue;
 use super::{Loader, beside, read_kind};
 use crate::geom::{Point, Segment};
@@ -71,18 +72,24 @@ impl Sim {
         sight(&vehicles.body(), &range.look(), safety, self.venue.cell_m, vehicles.pose_sd_m)
     }
 
-    /// Reads a simulation and the files that it names; `vehicles` replaces the number of vehicles.
-    pub(super) fn read(root: &Section, vehicles: Option<usize>, loader: &mut Loader) -> Option<Sim> {
+    /// Reads a simulation and the files that it names; `vehicles` replaces the number of vehicles, of which there may
+    /// be as many as `allowed`. Of a sweep only as many as can sweep take part.
+    pub(super) fn read(
+        root: &Section,
+        vehicles: Option<usize>,
+        allowed: RangeInclusive<usize>,
+        loader: &mut Loader,
+    ) -> Option<Sim> {
         let venue = load(root, "venue", loader, |root| Some(Venue::read(root)));
         let scene = load(root, "scene", loader, |root| Some(SceneFile::read(root)));
-        let fleet = Vehicles::read(&root.section("vehicles"), vehicles);
+        let fleet = Vehicles::read(&root.section("vehicles"), vehicles, allowed);
         let count = fleet.count;
         let ends = [("hold", End::Hold), ("return", End::Return)];
         let (range, safety) =
             (RangeSensor::read(&root.section("range")), Safety::read(&root.section("safety")));
         let (radio, bus) = (Radio::read(&root.section("radio")), Bus::read(&root.section("bus"), count));
-        let (sweep, empty_sweep) =
-            (Sweep::read(&root.section("sweep"), count), root.flag("empty_sweep", false));
+        let sweep = Sweep::read(&root.section("sweep"), count.min(*SWARM.end()));
+        let empty_sweep = root.flag("empty_sweep", false);
         let imaging = Imaging::read(&root.section("imaging"));
         let durations = Durations::read(&root.section("durations"));
         let until = root.duration("until_s", 14_400.0, 1.0..=1e6);

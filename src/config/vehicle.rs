@@ -9,7 +9,9 @@ use crate::geom::Angle;
 use crate::plan::Sight;
 
 /// How many vehicles a simulation may have: as many as the planners can keep apart on one ring.
-const VEHICLES: RangeInclusive<usize> = 2..=8;
+pub(super) const SWARM: RangeInclusive<usize> = 2..=8;
+/// How many vehicles a world may hold for others who drive them.
+pub(super) const CROWD: RangeInclusive<usize> = 2..=250;
 
 /// The vehicles of a simulation, all alike; their ids are 1 to `count`.
 #[derive(Clone, PartialEq, Debug)]
@@ -88,15 +90,15 @@ impl Vehicles {
         }
     }
 
-    pub(super) fn read(section: &Section, count: Option<usize>) -> Vehicles {
-        let in_file = section.whole("count", 2, VEHICLES);
+    pub(super) fn read(section: &Section, count: Option<usize>, allowed: RangeInclusive<usize>) -> Vehicles {
+        let in_file = section.whole("count", 2, allowed.clone());
         if let Some(count) = count {
-            section.replace("count", count, VEHICLES);
+            section.replace("count", count, allowed.clone());
         }
         let body = Body::read_keys(section);
         let vehicles = Vehicles {
             // A number that was refused is not reckoned with.
-            count: count.filter(|count| VEHICLES.contains(count)).unwrap_or(in_file),
+            count: count.filter(|count| allowed.contains(count)).unwrap_or(in_file),
             radius_m: body.radius_m,
             height_m: body.height_m,
             antenna_height_m: body.antenna_height_m,

@@ -16,6 +16,7 @@ pub mod ground_process;
 pub mod herald;
 pub mod joining;
 pub mod link;
+pub mod live;
 pub mod membership;
 pub mod process;
 pub mod restarts;

@@ -17,7 +17,7 @@ pub mod queue;
 pub mod radio_field;
 pub mod range;
 mod scenario;
-mod script;
+pub mod script;
 mod world;
 
 pub use entry::Entry;

@@ -24,7 +24,7 @@ use crate::ground::planner::Method;
 use crate::ground::{GroundNode, from_config};
 use crate::node::{Settings as NodeSettings, VehicleNode};
 use crate::scene::{
-    Attenuation, Footprint, Material, Person, Post, Scene, SceneError, SceneParts, VrmlShape,
+    Attenuation, Footprint, Material, Outline, Person, Post, Scene, SceneError, SceneParts, VrmlShape,
 };
 use crate::sweep::{Ring, SweepError};
 use crate::time::Time;
@@ -107,6 +107,23 @@ impl Scenario {
     /// Gives who stands in the scene.
     pub fn persons(&self) -> &[Person] {
         &self.persons
+    }
+
+    /// Gives what stands in the scene at antenna height, without the persons.
+    ///
+    /// # Errors
+    /// The scene cannot be built.
+    pub fn outlines(&self) -> Result<Vec<Outline>, ScenarioError> {
+        Ok(self.scene(&[])?.outlines(self.sim.vehicles.antenna_height_m))
+    }
+
+    /// Gives what happens by itself in this scenario.
+    ///
+    /// # Errors
+    /// The scene cannot be built.
+    pub fn script(&self) -> Result<Script, ScenarioError> {
+        let (_, second) = self.outside()?;
+        Ok(Script::new(second, self.sim.end, self.sim.vehicles.count))
     }
 
     /// Gives the positions that are measured from.
@@ -335,7 +352,7 @@ impl Scenario {
     fn outcome(&self, kernel: Kernel) -> Result<Outcome, ScenarioError> {
         let (mut record, outside, ground, bus, simulated, separation_m) = kernel.into_parts();
         let station = ground.station();
-        let outlines = self.scene(&[])?.outlines(self.sim.vehicles.antenna_height_m);
+        let outlines = self.outlines()?;
         let unmet = self.unmet(&record);
         let finished = unmet.is_none() && record.failure.is_none();
         let failure = record.failure.or(unmet);

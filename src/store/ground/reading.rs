@@ -78,6 +78,10 @@ pub struct StoredImage {
     pub peaks: Vec<Peak>,
     /// Links in the image.
     pub links: usize,
+    /// Root mean square of what the image does not explain, dB.
+    pub residual_rms_db: f64,
+    /// When it was made, seconds since 1970.
+    pub made_utc_s: f64,
 }
 
 /// A sample in the store.
@@ -222,7 +226,8 @@ impl GroundStore {
     pub fn newest_images(&self, run: RunId) -> Result<Vec<StoredImage>, StoreError> {
         let rows: Vec<(StoredImage, String, Vec<u8>)> = self.read(|store| {
             let mut statement = store.connection.prepare(
-                "SELECT max(laps), kind, rows, columns, x0_m, y0_m, x1_m, y1_m, links, peaks, data FROM images
+                "SELECT max(laps), kind, rows, columns, x0_m, y0_m, x1_m, y1_m, links,
+                        residual_db, made_utc_s, peaks, data FROM images
                  WHERE run = ? GROUP BY kind ORDER BY kind",
             )?;
             statement.query_map(params![run.0], image)?.collect()
@@ -332,6 +337,8 @@ fn image(row: &Row) -> rusqlite::Result<(StoredImage, String, Vec<u8>)> {
         image: Image { grid, values: Vec::new() },
         peaks: Vec::new(),
         links: count(8)?,
+        made_utc_s: row.get(10)?,
+        residual_rms_db: row.get::<_, Option<f64>>(9)?.unwrap_or(f64::NAN),
     };
-    Ok((image, row.get(9)?, row.get(10)?))
+    Ok((image, row.get(11)?, row.get(12)?))
 }

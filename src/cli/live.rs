@@ -1,0 +1,208 @@
+//! `tomoswarm sim --live`: the scenario of a simulation in real time, by processes of this program on this machine, with the
+//! same output folder. What the swarm is made of and what is played is [`crate::run::live`]'s; here are the folder, the
+//! terminal, and the end.
+
+use std::fs;
+use std::io::{IsTerminal, Write};
+use std::path::Path;
+use std::process::Command;
+use std::time::{Duration, Instant};
+
+use indicatif::{ProgressBar, ProgressStyle};
+use tomoswarm_proto::{RunId, VehicleId};
+
+use super::answer::complain;
+use super::error::CliError;
+use super::folder::OutputFolder;
+use super::load;
+use super::operator::Door;
+use super::report::FAMILY;
+use super::sim::{SimArgs, default_folder, started};
+use super::stop::Stop;
+use crate::config::Topology;
+use crate::geom::Point;
+use crate::run::door::session::Session;
+use crate::run::link::WorldControl;
+use crate::run::live::director::{Diary, Director, Going};
+use crate::run::live::files::Places;
+use crate::run::live::gather;
+use crate::run::live::processes::{Ended, Processes, Rank, free_ports};
+use crate::sim::{EMPTY_RUN, Outcome, Scenario};
+
+/// The state is shown this often.
+const SHOWN_EVERY: Duration = Duration::from_secs(1);
+/// Files of the swarm.
+const VENUE: &str = "venue.toml";
+const GROUND: &str = "ground.toml";
+const OPERATOR: &str = "operator.toml";
+/// The ground station's store.
+const STORE: &str = "state/ground/ground.sqlite";
+
+/// How the processes are joined.
+#[derive(clap::ValueEnum, Clone, Copy, PartialEq, Eq, Debug)]
+pub enum Shape {
+    /// Everyone with everyone
+    Mesh,
+    /// Everyone with the ground station
+    Star,
+}
+
+/// Runs a scenario live.
+///
+/// # Errors
+/// Bad files, a folder that cannot be written, a mission that failed.
+pub fn run(args: &SimArgs, out: &mut dyn Write) -> Result<(), CliError> {
+    let loaded = args.loaded()?;
+    let venue = loaded.venue_text.clone();
+    let scenario = load::scenario(loaded, args.config.as_deref(), args.seed)?;
+    let seed = args.seed.unwrap_or(scenario.sim().seed);
+    let target = args.out.clone().unwrap_or_else(|| default_folder(&scenario, seed));
+    let stop = Stop::listen();
+    let folder = OutputFolder::prepare(&target, FAMILY)?;
+    let started = started();
+    let live = folder.live()?;
+    let outcome = {
+        let mut swarm = Swarm::start(args, &scenario, seed, &venue, &live)?;
+        let failure = swarm.play(&stop, started);
+        swarm.end(&scenario, failure)?
+    };
+    args.publish(folder, &scenario, &outcome, (seed, started.elapsed()), out)
+}
+
+/// A swarm that runs.
+struct Swarm {
+    processes: Processes,
+    director: Director,
+    store: std::path::PathBuf,
+}
+
+impl Swarm {
+    /// Writes the files, and starts the processes.
+    fn start(
+        args: &SimArgs,
+        scenario: &Scenario,
+        seed: u64,
+        venue: &str,
+        folder: &Path,
+    ) -> Result<Swarm, CliError> {
+        let sim = scenario.sim();
+        let fault = |source: std::io::Error| CliError::Fault(source.to_string());
+        let mut processes = Processes::new(folder);
+        let mut world = own_program("world")?;
+        world.args(&args.config).args(["--vehicles", &sim.vehicles.count.to_string()]);
+        world.args(["--seed", &seed.to_string()]);
+        let (address, token) = processes.start_world(world).map_err(fault)?;
+        let mut ports = free_ports(sim.vehicles.count + 1).map_err(fault)?;
+        let places = Places {
+            topology: match args.topology {
+                Shape::Mesh => Topology::Mesh,
+                Shape::Star => Topology::Star,
+            },
+            venue: VENUE.to_owned(),
+            world: address,
+            token: token.clone(),
+            ground_port: ports.remove(0),
+            vehicle_ports: ports,
+        };
+        let empty: Option<RunId> = sim.empty_sweep.then_some(EMPTY_RUN);
+        write(folder, VENUE, venue)?;
+        write(folder, OPERATOR, &places.operator())?;
+        write(folder, GROUND, &places.ground(sim, empty))?;
+        let mut ground = own_program("ground")?;
+        ground.arg(folder.join(GROUND));
+        processes.start("ground", Rank::Ground, ground).map_err(fault)?;
+        for id in sim.vehicle_ids() {
+            let name = vehicle_name(id);
+            let file = format!("{name}.toml");
+            write(folder, &file, &places.vehicle(sim, id))?;
+            let mut vehicle = own_program("vehicle")?;
+            vehicle.arg(folder.join(file));
+            processes.start(&name, Rank::Vehicle, vehicle).map_err(fault)?;
+        }
+        let session: Session = Door::read(&folder.join(OPERATOR))?.open()?;
+        let control = WorldControl::connect(address, &token);
+        let control = control.map_err(|error| CliError::Swarm(error.to_string()))?;
+        let store = folder.join(STORE);
+        let director = Director::new(scenario, session, control, store.clone())
+            .map_err(|error| CliError::Usage(error.to_string()))?;
+        Ok(Swarm { processes, director, store })
+    }
+
+    /// Plays the script to its end; gives why it failed, if it did.
+    fn play(&mut self, stop: &Stop, started: Instant) -> Option<String> {
+        let bar = progress_bar();
+        let mut shown = Duration::ZERO;
+        let failure = loop {
+            match self.director.go() {
+                Going::On => {}
+                Going::Over => break None,
+                Going::Failed(reason) => break Some(reason),
+            }
+            if stop.is_asked() {
+                break Some("it was asked to stop; the folder holds what was measured until then".to_owned());
+            }
+            if let Some(dead) = self.processes.dead() {
+                self.director.note(&dead.name, &format!("has ended: {}", dead.how));
+                break Some(format!("{} has ended: {}\n{}", dead.name, dead.how, dead.last_words));
+            }
+            let now = started.elapsed();
+            if now >= shown {
+                shown = now + SHOWN_EVERY;
+                bar.set_message(self.director.line());
+                bar.tick();
+            }
+        };
+        bar.finish_and_clear();
+        failure
+    }
+
+    /// Ends everybody in order, and gathers what is left.
+    fn end(self, scenario: &Scenario, failure: Option<String>) -> Result<Outcome, CliError> {
+        let Swarm { mut processes, mut director, store } = self;
+        director.note("scenario", failure.as_deref().unwrap_or("the end"));
+        told(&processes.stop_those(Rank::Vehicle), &mut director);
+        // The referee has seen everybody come to rest.
+        let tracks: Vec<(VehicleId, Vec<Point>)> = director.ask_world();
+        told(&processes.stop(), &mut director);
+        let diary: Diary = director.leave();
+        gather::outcome(scenario, &store, diary, tracks, failure).map_err(|error| match error {
+            gather::GatherError::Store(error) => CliError::Store(error),
+            gather::GatherError::Scenario(error) => CliError::Usage(error.to_string()),
+        })
+    }
+}
+
+/// Notes who had to be killed.
+fn told(ended: &[Ended], director: &mut Director) {
+    for killed in ended.iter().filter(|ended| ended.was_killed) {
+        director.note(&killed.name, "did not end when it was asked to, and was killed");
+        complain(&format_args!("warning: {} did not end when it was asked to, and was killed", killed.name));
+    }
+}
+
+fn vehicle_name(id: VehicleId) -> String {
+    format!("vehicle-{id}")
+}
+
+/// Gives the command that runs a part of this program, which ends when this process is gone.
+fn own_program(part: &str) -> Result<Command, CliError> {
+    let program = std::env::current_exe()
+        .map_err(|error| CliError::Fault(format!("this program cannot be found: {error}")))?;
+    let mut command = Command::new(program);
+    command.args([part, "--tied"]);
+    Ok(command)
+}
+
+fn write(folder: &Path, name: &str, text: &str) -> Result<(), CliError> {
+    let path = folder.join(name);
+    fs::write(&path, text).map_err(|source| CliError::Write { path, source })
+}
+
+fn progress_bar() -> ProgressBar {
+    if !std::io::stderr().is_terminal() {
+        return ProgressBar::hidden();
+    }
+    let style =
+        ProgressStyle::with_template("{spinner} {msg}").unwrap_or_else(|_| ProgressStyle::default_spinner());
+    ProgressBar::no_length().with_style(style)
+}

@@ -1,0 +1,143 @@
+//! What a live run leaves behind, as a simulation in virtual time leaves it: from the ground station's store and from what
+//! the world's referee saw. It changes nothing and writes nothing.
+
+use std::path::Path;
+
+use tomoswarm_proto::{RunId, VehicleId};
+
+use super::director::Diary;
+use crate::geom::{Lattice, Point};
+use crate::map::Merged;
+use crate::run::link::Contact;
+use crate::sim::{Collision, Counts, EMPTY_RUN, Outcome, RUN, Scenario, ScenarioError};
+use crate::store::StoreError;
+use crate::store::ground::{GroundStore, StoredImage};
+use crate::time::Time;
+use crate::tomo::{Link, LinkBins, Reconstruction, SPOT_M};
+
+/// Why nothing can be gathered.
+#[derive(Debug, thiserror::Error)]
+pub enum GatherError {
+    /// The store cannot be read.
+    #[error(transparent)]
+    Store(#[from] StoreError),
+    /// The scene cannot be built.
+    #[error(transparent)]
+    Scenario(#[from] ScenarioError),
+}
+
+/// What the store of a ground station holds of a scenario.
+struct Stored {
+    samples: u64,
+    links: Vec<Link>,
+    empty_links: Vec<Link>,
+    change: Option<Reconstruction>,
+    structure: Option<Reconstruction>,
+    map: Merged,
+}
+
+/// Gathers an outcome; `failure` is why it is none of a whole mission. A mission that failed may have no store.
+///
+/// # Errors
+/// [`GatherError`].
+pub fn outcome(
+    scenario: &Scenario,
+    store: &Path,
+    diary: Diary,
+    tracks: Vec<(VehicleId, Vec<Point>)>,
+    failure: Option<String>,
+) -> Result<Outcome, GatherError> {
+    let stored = match read(scenario, store) {
+        Err(_) if failure.is_some() => Stored::nothing(scenario),
+        read => read?,
+    };
+    let Diary { log, bytes, messages, world, sweep_done } = diary;
+    let finished = sweep_done && failure.is_none();
+    Ok(Outcome {
+        finished,
+        failure: failure.or_else(|| (!finished).then(|| "the sweep did not end".to_owned())),
+        simulated: Time::from_nanos(world.now_ns),
+        collisions: world.collisions.iter().map(collision).collect(),
+        fence_breaches: usize::try_from(world.fence_breaches).unwrap_or(usize::MAX),
+        min_separation_m: world.min_separation_m,
+        samples: stored.samples,
+        links: stored.links,
+        empty_links: stored.empty_links,
+        change: stored.change,
+        structure: stored.structure,
+        map: stored.map,
+        tracks,
+        persons: scenario.persons().to_vec(),
+        outlines: scenario.outlines()?,
+        counts: Counts {
+            events: 0,
+            scans: world.scans,
+            beacons_heard: world.beacons_heard,
+            collided_beacons: world.collided_beacons,
+            messages,
+        },
+        bus_bytes: bytes,
+        log: log.into_text(),
+    })
+}
+
+impl Stored {
+    fn nothing(scenario: &Scenario) -> Stored {
+        let map = Merged::new(Lattice::new(scenario.sim().venue.cell_m), None);
+        Stored { samples: 0, links: Vec::new(), empty_links: Vec::new(), change: None, structure: None, map }
+    }
+}
+
+fn read(scenario: &Scenario, store: &Path) -> Result<Stored, StoreError> {
+    let store = GroundStore::open_to_read(store)?;
+    let (samples, links) = links(scenario, &store, RUN)?;
+    let (_, empty_links) = links_of_empty(scenario, &store)?;
+    let images = store.newest_images(RUN)?;
+    let image = |kind: &str| images.iter().find(|image| image.kind == kind).map(picture);
+    let mut stored = Stored {
+        samples,
+        links,
+        empty_links,
+        change: image("change"),
+        structure: image("structure"),
+        ..Stored::nothing(scenario)
+    };
+    for tile in store.tiles()? {
+        // One that cannot be joined was not joined by the ground station either.
+        let _ = stored.map.join(&tile);
+    }
+    Ok(stored)
+}
+
+fn links_of_empty(scenario: &Scenario, store: &GroundStore) -> Result<(u64, Vec<Link>), StoreError> {
+    if scenario.sim().empty_sweep { links(scenario, store, EMPTY_RUN) } else { Ok((0, Vec::new())) }
+}
+
+/// Gives how many samples a run has, and its links, in the bins in which the ground station pools them.
+fn links(scenario: &Scenario, store: &GroundStore, run: RunId) -> Result<(u64, Vec<Link>), StoreError> {
+    let mut bins = LinkBins::new(scenario.sim().imaging.bin_m, SPOT_M);
+    let mut count = 0;
+    store.each_sample(Some(run), |stored| {
+        let sample = stored.sample;
+        bins.record(sample.transmitter_pose.at.into(), sample.receiver_pose.at.into(), sample.rssi_dbm);
+        count += 1;
+    })?;
+    Ok((count, bins.links()))
+}
+
+fn picture(stored: &StoredImage) -> Reconstruction {
+    Reconstruction {
+        image: stored.image.clone(),
+        peaks: stored.peaks.clone(),
+        residual_rms_db: stored.residual_rms_db,
+        used: stored.links,
+        dropped: Default::default(),
+        path_loss: None,
+        by_empty_sweep: stored.kind == "change",
+    }
+}
+
+fn collision(contact: &Contact) -> Collision {
+    let Contact { at_ns, vehicle, with, place } = *contact;
+    Collision { at: Time::from_nanos(at_ns), vehicle, with, place }
+}

@@ -1,0 +1,317 @@
+//! The processes of a live swarm: started, watched, and ended in order. Each is in a process group of its own, so that
+//! Ctrl-C on the terminal reaches only us and we end them in order. Their standard input is a pipe of ours that is never
+//! written to: when this process is gone, however, they see its end and end themselves.
+
+use std::fs::{self, File};
+use std::io::{self, BufRead, BufReader};
+use std::net::{SocketAddr, TcpListener};
+use std::os::unix::process::CommandExt;
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, ExitStatus, Stdio};
+use std::sync::mpsc::channel;
+use std::time::{Duration, Instant};
+
+use rustix::process::{Pid, Signal, kill_process, kill_process_group};
+
+/// A process that was asked to end gets this long.
+pub const ENDS_WITHIN: Duration = Duration::from_secs(8);
+/// It is looked for its end this often.
+const LOOK: Duration = Duration::from_millis(20);
+/// The world says where it listens within this time.
+const WORLD_WITHIN: Duration = Duration::from_secs(20);
+/// The last lines of a log that are shown.
+const LAST_LINES: usize = 5;
+
+/// What a process is in the order of the end; who is lower ends first.
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Debug)]
+pub enum Rank {
+    /// Vehicles brake while the world is still there.
+    Vehicle,
+    /// The ground station stores what came in last.
+    Ground,
+    /// The world sees all of it.
+    World,
+}
+
+/// One process.
+#[derive(Debug)]
+struct Process {
+    name: String,
+    rank: Rank,
+    child: Child,
+    log: PathBuf,
+    ended: Option<ExitStatus>,
+}
+
+/// A process that ended by itself.
+#[derive(Clone, PartialEq, Eq, Debug)]
+pub struct Dead {
+    /// Which one.
+    pub name: String,
+    /// How, in words.
+    pub how: String,
+    /// The last lines of its log.
+    pub last_words: String,
+}
+
+/// How a process was ended.
+#[derive(Clone, PartialEq, Eq, Debug)]
+pub struct Ended {
+    /// Which one.
+    pub name: String,
+    /// Whether it did not end when it was asked to.
+    pub was_killed: bool,
+}
+
+/// All processes of a swarm; dropping them ends them.
+#[derive(Debug)]
+pub struct Processes {
+    folder: PathBuf,
+    list: Vec<Process>,
+    within: Duration,
+}
+
+impl Processes {
+    /// Makes an empty list; logs are written into a folder.
+    pub fn new(folder: &Path) -> Processes {
+        Processes { folder: folder.to_owned(), list: Vec::new(), within: ENDS_WITHIN }
+    }
+
+    /// Starts a process; what it says goes to its log, `NAME.log`.
+    ///
+    /// # Errors
+    /// The log cannot be written, or the program cannot be started.
+    pub fn start(&mut self, name: &str, rank: Rank, command: Command) -> io::Result<()> {
+        self.spawn(name, rank, command, false).map(|_| ())
+    }
+
+    /// Starts the world, and waits until it says where it listens and by which word.
+    ///
+    /// # Errors
+    /// It cannot be started, or says something else.
+    pub fn start_world(&mut self, command: Command) -> io::Result<(SocketAddr, String)> {
+        let child = self.spawn("world", Rank::World, command, true)?;
+        let output = child.stdout.take().ok_or_else(|| io::Error::other("the world has no output"))?;
+        let (say, said) = channel();
+        // It goes on reading, so that the world never waits for us.
+        let reader = move || {
+            BufReader::new(output).lines().map_while(Result::ok).for_each(|line| drop(say.send(line)))
+        };
+        std::thread::Builder::new().name("world's words".to_owned()).spawn(reader)?;
+        let first = said.recv_timeout(WORLD_WITHIN).unwrap_or_default();
+        let words: Vec<&str> = first.split_whitespace().collect();
+        match words[..] {
+            ["world", address, "token", token] => {
+                let address = address.parse().map_err(io::Error::other)?;
+                Ok((address, token.to_owned()))
+            }
+            _ => {
+                let last = self.list.last().map(|process| last_lines(&process.log)).unwrap_or_default();
+                Err(io::Error::other(format!("the world has not begun: {last}")))
+            }
+        }
+    }
+
+    fn spawn(
+        &mut self,
+        name: &str,
+        rank: Rank,
+        mut command: Command,
+        keeps_output: bool,
+    ) -> io::Result<&mut Child> {
+        fs::create_dir_all(&self.folder)?;
+        let log = self.folder.join(format!("{name}.log"));
+        let file = File::create(&log)?;
+        let output = if keeps_output { Stdio::piped() } else { Stdio::from(file.try_clone()?) };
+        command.stdin(Stdio::piped()).stdout(output).stderr(file).process_group(0);
+        let child = command.spawn()?;
+        self.list.push(Process { name: name.to_owned(), rank, child, log, ended: None });
+        match self.list.last_mut() {
+            Some(process) => Ok(&mut process.child),
+            None => Err(io::Error::other("nothing was started")),
+        }
+    }
+
+    /// Gives the first process that has ended by itself.
+    pub fn dead(&mut self) -> Option<Dead> {
+        let process = self.list.iter_mut().find_map(|process| {
+            let status = process.look()?;
+            Some((process.name.clone(), status, last_lines(&process.log)))
+        });
+        process.map(|(name, status, last_words)| Dead { name, how: status.to_string(), last_words })
+    }
+
+    /// Ends all of them in order: who is asked gets [`ENDS_WITHIN`] and is killed then.
+    pub fn stop(&mut self) -> Vec<Ended> {
+        let ranks = [Rank::Vehicle, Rank::Ground, Rank::World];
+        ranks.into_iter().flat_map(|rank| self.stop_those(rank)).collect()
+    }
+
+    /// Ends those of a rank in the same way.
+    pub fn stop_those(&mut self, rank: Rank) -> Vec<Ended> {
+        let of_rank = self.list.iter_mut().filter(|process| process.rank == rank);
+        let ended = end(&mut of_rank.collect::<Vec<_>>(), self.within);
+        self.list.retain(|process| process.rank != rank);
+        ended
+    }
+}
+
+impl Drop for Processes {
+    fn drop(&mut self) {
+        self.stop();
+    }
+}
+
+impl Process {
+    /// Gives how it ended, if it has.
+    fn look(&mut self) -> Option<ExitStatus> {
+        if self.ended.is_none() {
+            // One that cannot be asked for is taken for alive, and killed in the end.
+            self.ended = self.child.try_wait().unwrap_or_default();
+        }
+        self.ended
+    }
+
+    fn pid(&self) -> Option<Pid> {
+        i32::try_from(self.child.id()).ok().and_then(Pid::from_raw)
+    }
+
+    fn ask(&mut self) {
+        if self.look().is_none()
+            && let Some(pid) = self.pid()
+        {
+            // It may have ended this moment.
+            let _ = kill_process(pid, Signal::TERM);
+        }
+    }
+
+    /// Kills it, and all that it has started.
+    fn kill(&mut self) {
+        if let Some(pid) = self.pid() {
+            // What is gone already needs no killing.
+            let _ = kill_process_group(pid, Signal::KILL);
+        }
+        let _ = self.child.kill();
+        self.ended = self.child.wait().ok();
+    }
+}
+
+/// Asks some processes to end, waits for them, and kills who has not.
+fn end(group: &mut [&mut Process], within: Duration) -> Vec<Ended> {
+    group.iter_mut().for_each(|process| process.ask());
+    let until = Instant::now() + within;
+    while group.iter_mut().any(|process| process.look().is_none()) && Instant::now() < until {
+        std::thread::sleep(LOOK);
+    }
+    let each = group.iter_mut().map(|process| {
+        let was_killed = process.look().is_none();
+        if was_killed {
+            process.kill();
+        }
+        Ended { name: process.name.clone(), was_killed }
+    });
+    each.collect()
+}
+
+/// Gives ports of this machine that nobody listens at now.
+///
+/// # Errors
+/// There are none.
+pub fn free_ports(count: usize) -> io::Result<Vec<u16>> {
+    let open = || TcpListener::bind(("127.0.0.1", 0));
+    // All are held until the last is found, so that none comes twice.
+    let held = (0..count).map(|_| open()).collect::<io::Result<Vec<TcpListener>>>()?;
+    held.iter().map(|listener| listener.local_addr().map(|address| address.port())).collect()
+}
+
+fn last_lines(log: &Path) -> String {
+    let bytes = fs::read(log).unwrap_or_default();
+    let text = String::from_utf8_lossy(&bytes);
+    let lines: Vec<&str> = text.lines().collect();
+    lines[lines.len().saturating_sub(LAST_LINES)..].join("\n")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn shell(script: &str) -> Command {
+        let mut command = Command::new("sh");
+        command.args(["-c", script]);
+        command
+    }
+
+    fn is_alive(pid: u32) -> bool {
+        Path::new(&format!("/proc/{pid}")).exists()
+    }
+
+    fn wait_for(what: &str, is_so: impl Fn() -> bool) {
+        let until = Instant::now() + Duration::from_secs(5);
+        while !is_so() {
+            assert!(Instant::now() < until, "{what}");
+            std::thread::sleep(LOOK);
+        }
+    }
+
+    #[test]
+    fn who_does_not_end_when_asked_is_killed_and_the_others_end_in_order() {
+        let root = tempfile::tempdir().unwrap();
+        let mut processes = Processes { within: Duration::from_millis(600), ..Processes::new(root.path()) };
+        let order = root.path().join("order");
+        let polite = |name: &str| {
+            let path = order.display();
+            format!("trap 'echo {name} >> {path}; exit 0' TERM; echo ready; while :; do sleep 0.02; done")
+        };
+        processes.start("world", Rank::World, shell(&polite("world"))).unwrap();
+        processes.start("ground", Rank::Ground, shell(&polite("ground"))).unwrap();
+        processes.start("vehicle-1", Rank::Vehicle, shell(&polite("vehicle"))).unwrap();
+        let deaf = "trap '' TERM; echo ready; while :; do sleep 0.02; done";
+        processes.start("vehicle-2", Rank::Vehicle, shell(deaf)).unwrap();
+        let logs: Vec<PathBuf> = processes.list.iter().map(|process| process.log.clone()).collect();
+        wait_for("all have begun", || logs.iter().all(|log| last_lines(log) == "ready"));
+        let pids: Vec<u32> = processes.list.iter().map(|process| process.child.id()).collect();
+        let ended = processes.stop();
+        let killed: Vec<&str> =
+            ended.iter().filter(|ended| ended.was_killed).map(|ended| ended.name.as_str()).collect();
+        assert_eq!(killed, ["vehicle-2"]);
+        assert_eq!(fs::read_to_string(&order).unwrap(), "vehicle\nground\nworld\n");
+        assert!(!pids.iter().any(|pid| is_alive(*pid)));
+    }
+
+    #[test]
+    fn one_that_dies_early_is_named_with_its_last_words() {
+        let root = tempfile::tempdir().unwrap();
+        let mut processes = Processes::new(root.path());
+        processes.start("ground", Rank::Ground, shell("sleep 60")).unwrap();
+        assert_eq!(processes.dead(), None);
+        processes.start("vehicle-1", Rank::Vehicle, shell("seq 1 9 >&2; exit 3")).unwrap();
+        let dead = std::iter::repeat_with(|| {
+            std::thread::sleep(LOOK);
+            processes.dead()
+        });
+        let dead = dead.take(250).flatten().next().unwrap();
+        assert_eq!((dead.name.as_str(), dead.last_words.as_str()), ("vehicle-1", "5\n6\n7\n8\n9"));
+        assert!(dead.how.contains('3'), "{}", dead.how);
+    }
+
+    #[test]
+    fn whoever_is_dropped_takes_its_processes_along() {
+        let root = tempfile::tempdir().unwrap();
+        let mut processes = Processes::new(root.path());
+        processes.start("vehicle-1", Rank::Vehicle, shell("exec sleep 60")).unwrap();
+        let pid = processes.list[0].child.id();
+        drop(processes);
+        assert!(!is_alive(pid));
+    }
+
+    #[test]
+    fn a_world_that_does_not_begin_is_a_reason_with_its_words() {
+        let root = tempfile::tempdir().unwrap();
+        let mut processes = Processes::new(root.path());
+        let error = processes.start_world(shell("echo no such file >&2")).unwrap_err();
+        assert!(error.to_string().contains("no such file"), "{error}");
+        let (address, token) =
+            processes.start_world(shell("echo world 127.0.0.1:7500 token abc; sleep 60")).unwrap();
+        assert_eq!((address.port(), token.as_str()), (7500, "abc"));
+    }
+}
