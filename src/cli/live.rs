@@ -19,7 +19,7 @@ use super::operator::Door;
 use super::report::FAMILY;
 use super::sim::{SimArgs, default_folder, started};
 use super::stop::Stop;
-use crate::config::Topology;
+use crate::config::{Expect, Topology};
 use crate::geom::Point;
 use crate::run::door::session::Session;
 use crate::run::link::WorldControl;
@@ -55,6 +55,10 @@ pub fn run(args: &SimArgs, out: &mut dyn Write) -> Result<(), CliError> {
     let loaded = args.loaded()?;
     let venue = loaded.venue_text.clone();
     let scenario = load::scenario(loaded, args.config.as_deref(), args.seed)?;
+    if scenario.sim().expect != Expect::Finished {
+        let refused = "a mission that is to fail (expect) is for virtual time; it cannot be run live";
+        return Err(CliError::Usage(refused.to_owned()));
+    }
     let seed = args.seed.unwrap_or(scenario.sim().seed);
     let target = args.out.clone().unwrap_or_else(|| default_folder(&scenario, seed));
     let stop = Stop::listen();

@@ -123,7 +123,7 @@ impl Scenario {
     /// The scene cannot be built.
     pub fn script(&self) -> Result<Script, ScenarioError> {
         let (_, second) = self.outside()?;
-        Ok(Script::new(second, self.sim.end, self.sim.vehicles.count))
+        Ok(Script::new(second, self.sim.end, self.sim.expect))
     }
 
     /// Gives the positions that are measured from.

@@ -63,6 +63,8 @@ pub struct Diary {
     pub world: Status,
     /// Whether the sweep that is wanted was driven to its end.
     pub sweep_done: bool,
+    /// Vehicles that came home at the end.
+    pub home: usize,
 }
 
 /// Plays the operator.
@@ -162,7 +164,7 @@ impl Director {
     pub fn leave(self) -> Diary {
         let sweep_done = self.script.is_sweep_done();
         self.session.close();
-        Diary { sweep_done, ..self.diary }
+        Diary { sweep_done, home: self.home.len(), ..self.diary }
     }
 
     /// Says in one line how it stands.
@@ -397,7 +399,7 @@ impl Director {
         for id in new {
             self.home.insert(id);
             self.note(&format!("vehicle {id}"), "is home");
-            let next = self.script.came_home();
+            let next = self.script.came_home(self.home.len(), self.homes.len());
             let going = self.follow(now, next);
             if going != Going::On {
                 return going;

@@ -51,10 +51,12 @@ pub fn outcome(
         Err(_) if failure.is_some() => Stored::nothing(scenario),
         read => read?,
     };
-    let Diary { log, bytes, messages, world, sweep_done } = diary;
+    let Diary { log, bytes, messages, world, sweep_done, home } = diary;
     let finished = sweep_done && failure.is_none();
     Ok(Outcome {
         finished,
+        home,
+        held: 0,
         failure: failure.or_else(|| (!finished).then(|| "the sweep did not end".to_owned())),
         simulated: Time::from_nanos(world.now_ns),
         collisions: world.collisions.iter().map(collision).collect(),
