@@ -263,5 +263,7 @@ fn a_relay_freezes_without_a_word_and_cuts_for_good() {
     let mut last = TcpStream::connect(relay.address()).unwrap();
     last.write_all(b"c").unwrap();
     last.read_exact(&mut byte).unwrap();
-    assert_eq!((byte, relay.carried()), (*b"c", 6));
+    assert_eq!(byte, *b"c");
+    // What was sent is counted a moment after it has arrived.
+    assert!(crate::member::within(Duration::from_secs(5), || relay.carried() == 6), "{}", relay.carried());
 }

@@ -5,8 +5,8 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 use tomoswarm_proto::{
-    Boot, Hello, LayerId, Message, Mode, PoseReport, Sample, Samples, State, TILE_CELLS, TileAddress,
-    TileReport, VehicleId, codec,
+    Boot, Hello, LayerId, Message, Mode, PoseReport, Position, Sample, Samples, State, TILE_CELLS,
+    TileAddress, TileReport, VehicleId, codec,
 };
 
 use crate::raw::{Shows, Stranger};
@@ -34,7 +34,8 @@ fn state(id: u8, boot: u32, sequence: u64) -> Message {
         vehicle: VehicleId(id),
         boot: Boot(boot),
         sequence,
-        pose: PoseReport::default(),
+        // In a corner where nobody drives: what it says of itself is believed.
+        pose: PoseReport { at: Position { x_m: -3.0, y_m: 9.0, z_m: 0.0 }, heading_rad: 0.0, sd_m: 0.05 },
         speed_mps: 0.0,
         mode: Mode::Idle,
         battery: 1.0,
@@ -48,8 +49,9 @@ fn state(id: u8, boot: u32, sequence: u64) -> Message {
 fn flood(number: u32) -> [(String, Message); 3] {
     let me = VehicleId(9);
     let layer = LayerId { vehicle: me, boot: Boot(number / 7) };
-    let at = number as i32;
-    let address = TileAddress { slice: 0, x: at % 1000, y: at / 1000 };
+    // Beyond the fence: within it, what it calls occupied would be avoided.
+    let at = number as i32 + 1_000_000;
+    let address = TileAddress { slice: 0, x: 1000 + at % 1000, y: at / 1000 };
     // Cells that do not repeat, so that the frame is long.
     let cells = std::sync::Arc::new(std::array::from_fn::<i8, TILE_CELLS, _>(|cell| (cell * 37 % 90) as i8));
     let tile = TileReport { layer, address, revision: 1, cells };
@@ -65,7 +67,7 @@ fn flood(number: u32) -> [(String, Message); 3] {
     };
     let samples = (0..60).map(|sequence| Sample { sequence, ..sample }).collect();
     let batch = Samples { vehicle: me, boot: Boot(number), run: tomoswarm_proto::RunId(1), samples };
-    let key = format!("tile/9/{}/0/{}/{}", number / 7, at % 1000, at / 1000);
+    let key = format!("tile/9/{}/0/{}/{}", number / 7, address.x, address.y);
     [
         (key, Message::Tile(tile)),
         ("samples".to_owned(), Message::Samples(batch)),
