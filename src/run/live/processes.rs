@@ -261,7 +261,8 @@ mod tests {
     #[test]
     fn who_does_not_end_when_asked_is_killed_and_the_others_end_in_order() {
         let root = tempfile::tempdir().unwrap();
-        let mut processes = Processes { within: Duration::from_millis(600), ..Processes::new(root.path()) };
+        let mut processes = Processes::new(root.path());
+        processes.within = Duration::from_millis(600);
         let order = root.path().join("order");
         let polite = |name: &str| {
             let path = order.display();
