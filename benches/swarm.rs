@@ -8,6 +8,7 @@
 //! - star: fifty vehicle processes around one ground station: heard, memory, processor.
 
 #[path = "../tests/net/relay.rs"]
+#[allow(dead_code, reason = "the tests also freeze a link")]
 mod relay;
 
 use std::collections::BTreeMap;

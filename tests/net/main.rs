@@ -13,6 +13,7 @@ mod member;
 mod partitions;
 mod raw;
 mod relay;
+mod relays;
 mod strangers;
 mod swarm;
 mod trust;
