@@ -7,6 +7,8 @@
 //! - start: a vehicle's process starts → it is heard in a mesh of ten nodes; memory and processor of an idle vehicle;
 //! - star: fifty vehicle processes around one ground station: heard, memory, processor.
 
+#![allow(clippy::disallowed_methods, reason = "a benchmark reads the clock and waits")]
+
 #[path = "../tests/net/relay.rs"]
 #[allow(dead_code, reason = "the tests also freeze a link")]
 mod relay;
