@@ -439,7 +439,7 @@ impl Mission {
             vehicle::Remark::Refused(refusal) => {
                 self.pilot.refused(now);
                 if let vehicle::Refusal::Separation(peer) = refusal {
-                    self.yields_to(*peer);
+                    self.yields_to(now, *peer);
                 }
             }
             vehicle::Remark::AutopilotSilent => {}

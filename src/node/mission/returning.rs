@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 use tomoswarm_proto::VehicleId;
 
 use super::pilot::{Unknown, WayHome};
-use super::{Mission, Out, Remark, Wanted};
+use super::{Cause, Mission, Out, Remark, Wanted};
 use crate::node::peers::Peer;
 use crate::time::Time;
 
@@ -16,8 +16,8 @@ use crate::time::Time;
 const QUIET: Duration = Duration::from_secs(2);
 /// Higher ids are waited for only until they stand, and no longer than this: they may still follow plans.
 const HIGHER_WITHIN: Duration = Duration::from_secs(60);
-/// The same for a vehicle whose way home they have barred.
-const BARRED_HIGHER_WITHIN: Duration = Duration::from_secs(180);
+/// The same for a vehicle that has stepped back into the line: now they drive home.
+const LATER_HIGHER_WITHIN: Duration = Duration::from_secs(180);
 /// After a try in vain to get home, the next one follows no earlier than this.
 const TRY_AGAIN: Duration = Duration::from_secs(3);
 /// A vehicle that is barred by its peers goes through the unknown when none of them has moved for this long, and longer
@@ -37,8 +37,12 @@ pub(super) struct Line {
     try_at: Time,
     /// Since when its peers bar its way.
     barred_since: Option<Time>,
-    /// When it went, if it may go through the unknown.
+    /// When it went, if it may go through the unknown and others may free a known way.
     bold_since: Option<Time>,
+    /// It does not wait for others to free its way: they follow their plans, or its battery is low.
+    presses_on: bool,
+    /// It has let others have their turn before it.
+    has_stepped_back: bool,
     /// Tries in vain.
     tries: u32,
 }
@@ -62,9 +66,12 @@ impl Mission {
     /// Begins to drive home, or waits for those who bar the way.
     fn take_turn(&mut self, now: Time) {
         let Some(state) = &self.state else { return };
-        // Who moves is met on the way; it counts as well.
-        self.pilot.keep_clear_of(self.peers.iter().map(|(_, peer)| peer.claim.clone()).collect());
+        let standing = self.peers.iter().filter(|(_, peer)| peer.resting || peer.is_silent(now));
+        self.pilot.keep_clear_of(standing.map(|(_, peer)| peer.claim.clone()).collect());
+        let others_move = self.peers.iter().any(|(_, peer)| !peer.resting && !peer.is_silent(now));
+        let presses_on = others_move || self.is_low();
         let unknown = match self.pilot.way_home(now, state) {
+            _ if presses_on => Unknown::LastResort,
             WayHome::Open if self.line.tries % TRIES != TRIES - 1 => Unknown::Barred,
             WayHome::BehindPeers if !self.has_waited(now) => {
                 self.line.barred_since.get_or_insert(now);
@@ -72,6 +79,7 @@ impl Mission {
             }
             WayHome::Open | WayHome::BehindPeers | WayHome::Unknown => Unknown::LastResort,
         };
+        self.line.presses_on = presses_on;
         self.line.barred_since = None;
         self.line.bold_since = (unknown == Unknown::LastResort).then_some(now);
         self.pilot.go_home(now, state, unknown);
@@ -81,7 +89,7 @@ impl Mission {
 
     /// Lets the others have their turn.
     fn step_back(&mut self, now: Time) {
-        self.line.try_at = now + TRY_AGAIN;
+        (self.line.try_at, self.line.has_stepped_back) = (now + TRY_AGAIN, true);
         self.wanted = Wanted::Returning { since: now, under_way: false };
     }
 
@@ -92,7 +100,8 @@ impl Mission {
             return;
         }
         let has_moved = |since: Time| self.peers.iter().any(|(_, peer)| peer.moved_at > since);
-        if failures >= FAILURES_MAX || self.line.bold_since.is_none_or(has_moved) {
+        let gives_way = !self.line.presses_on && self.line.bold_since.is_none_or(has_moved);
+        if failures >= FAILURES_MAX || gives_way {
             self.line.tries += 1;
             self.step_back(now);
         }
@@ -107,6 +116,10 @@ impl Mission {
         now.since(moved_at) >= PATIENCE + QUIET * count as u32 || now.since(barred_since) >= PATIENCE_MAX
     }
 
+    fn is_low(&self) -> bool {
+        self.own == Some(Cause::BatteryLow)
+    }
+
     fn lower(&self) -> impl Iterator<Item = &Peer> {
         self.peers.iter().take_while(|(id, _)| *id < self.settings.vehicle).map(|(_, peer)| peer)
     }
@@ -117,20 +130,18 @@ impl Mission {
         let quiet = QUIET * self.lower().count() as u32;
         let mut higher = self.peers.iter().filter(|(id, _)| *id > self.settings.vehicle);
         let higher_stand = higher.all(|(_, peer)| peer.resting || peer.is_silent(now));
-        let is_barred = self.line.barred_since.is_some();
-        let within = if is_barred { BARRED_HIGHER_WITHIN } else { HIGHER_WITHIN };
+        let is_later = self.line.has_stepped_back && !self.is_low();
+        let within = if is_later { LATER_HIGHER_WITHIN } else { HIGHER_WITHIN };
         self.lower().all(|peer| peer.is_quiet(now, since, quiet))
             && (higher_stand || now.since(since) > within)
     }
 
     /// A command was refused, or given up, for a peer: when that is a lower id that drives, it goes first.
-    pub(super) fn yields_to(&mut self, peer: VehicleId) {
+    pub(super) fn yields_to(&mut self, now: Time, peer: VehicleId) {
         let drives = self.peers.get(peer).is_some_and(|peer| !peer.resting);
-        if let Wanted::Returning { since, under_way: true } = self.wanted
-            && drives
-            && peer < self.settings.vehicle
-        {
-            self.wanted = Wanted::Returning { since, under_way: false };
+        let is_under_way = matches!(self.wanted, Wanted::Returning { under_way: true, .. });
+        if is_under_way && drives && peer < self.settings.vehicle {
+            self.step_back(now);
         }
     }
 }
