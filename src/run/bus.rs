@@ -11,7 +11,7 @@ mod zenoh_config;
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
-use std::sync::{Arc, Condvar, Mutex, PoisonError, RwLock};
+use std::sync::{Arc, Condvar, Mutex, PoisonError, RwLock, Weak};
 use std::thread::JoinHandle;
 use std::time::Duration;
 
@@ -267,6 +267,11 @@ impl Mouth {
         }
     }
 
+    /// Gives a handle that does not keep the bus from being dropped.
+    pub fn reply(&self) -> Reply {
+        Reply { shared: Arc::downgrade(&self.shared) }
+    }
+
     /// From now on everything is published.
     pub fn speak(&self) {
         self.shared.is_open.store(true, Ordering::Relaxed);
@@ -291,6 +296,21 @@ impl Mouth {
         let session = self.shared.session.read().unwrap_or_else(PoisonError::into_inner);
         let Some(session) = &*session else { return 0 };
         session.info().peers_zid().wait().count() + session.info().routers_zid().wait().count()
+    }
+}
+
+/// Publishes as long as the bus is there; for what the bus itself holds on to, such as its ear.
+#[derive(Clone)]
+pub struct Reply {
+    shared: Weak<Shared>,
+}
+
+impl Reply {
+    /// Publishes a message; nothing when the bus is gone.
+    pub fn publish(&self, message: &Message) {
+        if let Some(shared) = self.shared.upgrade() {
+            Mouth { shared }.publish(message);
+        }
     }
 }
 

@@ -83,6 +83,7 @@ pub fn greeting(node: Sender, boot: Boot, venue: &Venue, capabilities: &[&str]) 
         venue_hash: venue.hash(),
         instance: draw()?,
         is_member: false,
+        member_for_s: 0,
         software: SOFTWARE.to_owned(),
         capabilities: capabilities.iter().map(|word| (*word).to_owned()).collect(),
     })
