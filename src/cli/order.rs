@@ -82,7 +82,8 @@ Examples:
   tomoswarm order operator.toml emergency             everyone stops at once
   tomoswarm order operator.toml start --take-over     in place of another ground station
 
-Exit codes: 0 every vehicle shows the order; 1 not in time, overruled, nobody heard, or a vehicle that has another venue; 2 bad usage or configuration.";
+Exit codes: 0 every vehicle shows the order; 1 not in time, overruled, nobody heard, or a vehicle that does not fit; 2 bad
+usage or configuration.";
 
 impl What {
     fn kind(self) -> OrderKind {
