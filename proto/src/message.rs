@@ -320,6 +320,8 @@ pub struct Hello {
     pub instance: u64,
     /// Whether it takes part already; otherwise it asks whether it may.
     pub is_member: bool,
+    /// For how many whole seconds it has taken part; of two of one name the one that has for longer stays.
+    pub member_for_s: u32,
     /// Version of the software.
     pub software: String,
     /// What it can do, in words such as `radio` or `range`.

@@ -578,10 +578,19 @@ fn beacon() -> impl Strategy<Value = Message> {
 fn hello() -> impl Strategy<Value = Message> {
     let node = prop_oneof![Just(Sender::Ground), Just(Sender::Operator), vehicle().prop_map(Sender::Vehicle)];
     let words = prop::collection::vec(".{0,20}", 0..4);
-    (node, any::<u32>(), any::<[u64; 2]>(), any::<bool>(), ".{0,40}", words).prop_map(
-        |(node, boot, [venue_hash, instance], is_member, software, capabilities)| {
+    (node, any::<[u32; 2]>(), any::<[u64; 2]>(), any::<bool>(), ".{0,40}", words).prop_map(
+        |(node, [boot, member_for_s], [venue_hash, instance], is_member, software, capabilities)| {
             let boot = Boot(boot);
-            Message::Hello(Hello { node, boot, venue_hash, instance, is_member, software, capabilities })
+            Message::Hello(Hello {
+                node,
+                boot,
+                venue_hash,
+                instance,
+                is_member,
+                member_for_s,
+                software,
+                capabilities,
+            })
         },
     )
 }

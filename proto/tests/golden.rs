@@ -42,7 +42,7 @@ fn the_table_of_messages_names_every_kind_and_the_bytes_of_its_example() {
     for (name, message) in examples() {
         let frame = encode(&message).unwrap();
         let row =
-            text.lines().find(|line| line.starts_with(&format!("| {} | ", frame[3])) && line.contains("`"));
+            text.lines().find(|line| line.starts_with(&format!("| {} | ", frame[3])) && line.contains(" → "));
         let row = row.unwrap_or_else(|| panic!("{name} is not in the table"));
         let cells: Vec<&str> = row.split('|').map(str::trim).collect();
         assert_eq!(cells[2].to_lowercase(), name);

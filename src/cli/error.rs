@@ -69,6 +69,9 @@ pub enum CliError {
     /// A recording replayed says something else.
     #[error("the replay differs: {0}")]
     Differs(String),
+    /// A node cannot begin now; a later start may go well.
+    #[error("cannot begin now: {0}")]
+    NotNow(String),
     /// The program itself is at fault.
     #[error("a fault inside the program: {0}")]
     Fault(String),
@@ -83,7 +86,11 @@ impl CliError {
     /// Gives the exit code of the program: 1 or 2, as above.
     pub fn exit_code(&self) -> u8 {
         match self {
-            CliError::Mission(_) | CliError::Swarm(_) | CliError::Differs(_) | CliError::Fault(_) => 1,
+            CliError::Mission(_)
+            | CliError::Swarm(_)
+            | CliError::Differs(_)
+            | CliError::NotNow(_)
+            | CliError::Fault(_) => 1,
             #[cfg(feature = "net")]
             CliError::Store(_) => 2,
             CliError::Usage(_)

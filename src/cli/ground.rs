@@ -6,10 +6,11 @@ use std::path::PathBuf;
 use super::describe::describe;
 use super::error::CliError;
 use super::stop::Stop;
-use super::vehicle::answer;
+use super::vehicle::{answer, bus_is_passing, folder_is_passing, trust_is_passing, unready};
 use super::{logging, read};
 use crate::config::{self, Config, GroundFile};
-use crate::run::ground_process::{self, Status};
+use crate::run::ground_process::{self, GroundError, Status};
+use crate::store::StoreError;
 
 /// Run the ground station: it gathers the data, plans the sweeps, and makes the images.
 ///
@@ -45,8 +46,8 @@ Examples:
   tomoswarm preflight ground.toml              is everybody there and ready?
   tomoswarm order ground.toml start --run 1    begin the sweep named 1
 
-Exit codes: 0 ended when asked; 1 a fault, start it anew; 2 bad usage, file or store, or refused: another venue, another
-version of the wire.";
+Exit codes: 0 ended when asked; 1 a fault, or it cannot begin now (a full disk, a port or store in use): start it anew;
+2 bad usage, file, certificate or store, or refused: another venue, another version of the wire.";
 
 impl GroundArgs {
     /// Runs the ground station until it is asked to stop.
@@ -82,7 +83,27 @@ impl GroundArgs {
             }
         };
         let finish = ground_process::run(&file, &text, &venue_text, &|| stop.is_asked(), &mut status);
-        answer(finish.map_err(|error| CliError::Usage(error.to_string()))?)
+        answer(finish.map_err(|error| unready(&error, is_passing(&error)))?)
+    }
+}
+
+/// Tells whether a later start may go well without anybody mending anything.
+fn is_passing(error: &GroundError) -> bool {
+    match error {
+        GroundError::StateDir(error) => folder_is_passing(error),
+        GroundError::Store(error) => match error {
+            StoreError::Full { .. } | StoreError::InUse { .. } | StoreError::Database { .. } => true,
+            StoreError::ReadOnly { .. }
+            | StoreError::Unopened { .. }
+            | StoreError::Damaged { .. }
+            | StoreError::NoStore { .. }
+            | StoreError::Newer { .. }
+            | StoreError::OtherVenue { .. } => false,
+        },
+        GroundError::Bus(error) => bus_is_passing(error),
+        GroundError::Trust(error) => trust_is_passing(error),
+        GroundError::Parts(_) => false,
+        GroundError::NoChance(_) | GroundError::Thread(_) => true,
     }
 }
 

@@ -1,12 +1,12 @@
 //! How the operator's commands (`order`, `status`, `tap`, `preflight`) come to the bus: from a file of kind `operator`, or
-//! from the ground station's own file on its machine. They listen on a free port of this machine in a mesh, and are
+//! where there are no certificates from the ground station's own file on its machine. They listen on a free port of this machine in a mesh, and are
 //! clients in a star.
 
 use std::collections::BTreeSet;
 use std::path::Path;
 use std::time::Duration;
 
-use tomoswarm_proto::{Sender, VehicleId};
+use tomoswarm_proto::{Boot, Sender, VehicleId};
 
 use super::error::CliError;
 use super::read;
@@ -37,6 +37,12 @@ impl Door {
                 let settings = settings(path, &file.venue, &file.bus)?;
                 Ok(Door { settings, venue: file.venue, vehicles: BTreeSet::new() })
             }
+            Config::Ground(file) if file.bus.identity.is_some() => {
+                let reason = "is the ground station's own file, and its certificate is not an operator's; \
+                              give the operator's file here, which `tomoswarm enroll FOLDER --venue FILE operator \
+                              --ground-host HOST` writes (FOLDER/operator/operator.toml)";
+                Err(CliError::Input { path: path.to_owned(), reason: reason.to_owned() })
+            }
             Config::Ground(file) => {
                 let settings = settings(path, &file.venue, &beside_ground(&file.bus))?;
                 Ok(Door { settings, venue: file.venue, vehicles: file.vehicles.into_iter().collect() })
@@ -52,9 +58,12 @@ impl Door {
     /// Joins the bus.
     ///
     /// # Errors
-    /// The bus does not take the settings, or cannot listen.
+    /// The bus does not take the settings, or cannot listen; the system gives no random numbers.
     pub fn open(&self) -> Result<Session, CliError> {
-        Session::open(self.settings.clone()).map_err(|error| match error {
+        // An operator's tool counts no starts.
+        let own = membership::greeting(Sender::Operator, Boot(0), &self.venue, &[]);
+        let own = own.map_err(|error| CliError::Fault(error.to_string()))?;
+        Session::open(self.settings.clone(), own).map_err(|error| match error {
             BusError::Settings { .. } => CliError::Usage(error.to_string()),
             BusError::Listen { .. } | BusError::Thread(_) => CliError::Swarm(error.to_string()),
         })
@@ -73,8 +82,7 @@ pub fn seconds(text: &str) -> Result<Duration, String> {
 
 /// Gives how a command joins that runs beside the ground station.
 fn beside_ground(ground: &BusFile) -> BusFile {
-    let protocol = if ground.identity.is_some() { Protocol::Tls } else { Protocol::Tcp };
-    let own = Endpoint { protocol, host: "127.0.0.1".to_owned(), port: 0 };
+    let own = Endpoint { protocol: Protocol::Tcp, host: "127.0.0.1".to_owned(), port: 0 };
     let listen = match ground.topology {
         Topology::Mesh => vec![own],
         Topology::Star => Vec::new(),

@@ -5,12 +5,14 @@ use std::io::Write;
 use std::path::PathBuf;
 use std::time::Duration;
 
+use tomoswarm_proto::codec::VERSION;
 use tomoswarm_proto::{Message, OrderKind, RunId, VehicleId};
 
 use super::error::CliError;
 use super::operator::{Door, seconds};
 use super::stop::Stop;
 use crate::run::door::ordering::{Fate, Ordering, Outcome, Wish};
+use crate::run::door::roll::Misfit;
 use crate::run::door::session::Session;
 use crate::run::door::status::{kind_name, ordered};
 use crate::time::Time;
@@ -26,7 +28,7 @@ const AT_ONCE: usize = 1000;
 #[derive(clap::Args, Debug)]
 #[command(after_help = AFTER_HELP)]
 pub struct OrderArgs {
-    /// A file of kind "operator", or the ground station's own file
+    /// A file of kind "operator", or the ground station's own file; with certificates only the operator's (`tomoswarm enroll`)
     #[arg(value_name = "CONFIG")]
     pub config: PathBuf,
     /// What to do
@@ -71,7 +73,8 @@ pub enum What {
 }
 
 const AFTER_HELP: &str = "\
-An emergency waits for nobody: it goes out as soon as the bus is open, also to vehicles of which nothing was heard.
+An emergency waits for nobody: it goes out as soon as the bus is open, also to vehicles of which nothing was heard. Whoever
+has another venue file or version of the wire is named; of all orders it obeys only an emergency, if it can read it.
 
 Examples:
   tomoswarm order operator.toml start                 all vehicles begin
@@ -79,7 +82,8 @@ Examples:
   tomoswarm order operator.toml emergency             everyone stops at once
   tomoswarm order operator.toml start --take-over     in place of another ground station
 
-Exit codes: 0 every vehicle shows the order; 1 not in time, overruled, or nobody heard; 2 bad usage or configuration.";
+Exit codes: 0 every vehicle shows the order; 1 not in time, overruled, nobody heard, or a vehicle that does not fit; 2 bad
+usage or configuration.";
 
 impl What {
     fn kind(self) -> OrderKind {
@@ -118,7 +122,7 @@ impl OrderArgs {
         let troubles = session.troubles();
         session.close();
         let failed = |source| CliError::Write { path: "standard output".into(), source };
-        out.write_all(told(self.what.kind(), &outcome).as_bytes()).map_err(failed)?;
+        out.write_all(told(self.what.kind(), door.venue.hash(), &outcome).as_bytes()).map_err(failed)?;
         if outcome.is_done() { Ok(()) } else { Err(undone(self.what.kind(), &outcome, &troubles)) }
     }
 
@@ -136,6 +140,7 @@ impl OrderArgs {
             take_over: self.take_over,
             // Holder 0 is that of no operator.
             holder: holder.max(1),
+            venue_hash: door.venue.hash(),
             timeout: self.timeout,
         })
     }
@@ -162,7 +167,7 @@ fn deliver(session: &Session, mut ordering: Ordering, stop: &Stop) -> Outcome {
     }
 }
 
-fn told(kind: OrderKind, outcome: &Outcome) -> String {
+fn told(kind: OrderKind, venue_hash: u64, outcome: &Outcome) -> String {
     let line = |(id, fate): (&VehicleId, &Fate)| match fate {
         Fate::Obeyed { after, by_ground } => {
             let by_ground = if *by_ground { "; the ground station has gone on from there" } else { "" };
@@ -174,6 +179,12 @@ fn told(kind: OrderKind, outcome: &Outcome) -> String {
         }
         Fate::Ignored => format!("vehicle {id}: is heard, but has not obeyed\n"),
         Fate::Unheard => format!("vehicle {id}: not heard\n"),
+        Fate::Foreign(Misfit::Venue(theirs)) => {
+            format!("vehicle {id}: has another venue file (hash {theirs:016x}, here {venue_hash:016x})\n")
+        }
+        Fate::Foreign(Misfit::Version(theirs)) => {
+            format!("vehicle {id}: speaks wire version {theirs}, here it is {VERSION}\n")
+        }
     };
     outcome.fates.iter().map(line).collect()
 }

@@ -24,7 +24,7 @@ use crate::time::Time;
 #[derive(clap::Args, Debug)]
 #[command(after_help = AFTER_HELP)]
 pub struct PreflightArgs {
-    /// A file of kind "operator", or the ground station's own file
+    /// A file of kind "operator", or the ground station's own file; with certificates only the operator's (`tomoswarm enroll`)
     #[arg(value_name = "CONFIG")]
     pub config: PathBuf,
     /// Who shall take part, e.g. 1,2,3 [default: the ground file's vehicles, or all that are heard]

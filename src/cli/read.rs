@@ -77,6 +77,7 @@ fn named(path: &Path) -> Result<String, String> {
         | CliError::Mission(_)
         | CliError::Swarm(_)
         | CliError::Differs(_)
+        | CliError::NotNow(_)
         | CliError::Fault(_) => error.to_string(),
     })
 }

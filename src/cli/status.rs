@@ -26,7 +26,7 @@ const WATCH: Duration = Duration::from_secs(1);
 #[derive(clap::Args, Debug)]
 #[command(after_help = AFTER_HELP)]
 pub struct StatusArgs {
-    /// A file of kind "operator", or the ground station's own file
+    /// A file of kind "operator", or the ground station's own file; with certificates only the operator's (`tomoswarm enroll`)
     #[arg(value_name = "CONFIG")]
     pub config: PathBuf,
     /// Show it again every second, until Ctrl-C

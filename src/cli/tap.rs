@@ -24,7 +24,7 @@ const LOOK: Duration = Duration::from_millis(100);
 #[derive(clap::Args, Debug)]
 #[command(after_help = AFTER_HELP)]
 pub struct TapArgs {
-    /// A file of kind "operator", or the ground station's own file
+    /// A file of kind "operator", or the ground station's own file; with certificates only the operator's (`tomoswarm enroll`)
     #[arg(value_name = "CONFIG")]
     pub config: PathBuf,
     /// Only this kind; may be given again

@@ -1,6 +1,6 @@
 //! `tomoswarm vehicle CONFIG`: drives one vehicle.
 
-use std::io::{IsTerminal, Write};
+use std::io::{ErrorKind, IsTerminal, Write};
 use std::path::PathBuf;
 
 use super::describe::describe;
@@ -8,9 +8,12 @@ use super::error::CliError;
 use super::stop::Stop;
 use super::{logging, read};
 use crate::config::{self, Config, VehicleFile};
+use crate::run::bus::BusError;
 use crate::run::desk::Ending;
 use crate::run::process::Finish;
-use crate::run::vehicle_process::{self, Status};
+use crate::run::state_dir::StateDirError;
+use crate::run::trust::TrustError;
+use crate::run::vehicle_process::{self, Status, VehicleError};
 
 /// Drive one vehicle: its actors, its drivers, its part of the bus.
 ///
@@ -41,8 +44,8 @@ Examples:
   tomoswarm vehicle vehicle-3.toml --check   what would be started, or everything that is wrong
   tomoswarm vehicle vehicle-3.toml           drive; a service manager may do it (deploy/)
 
-Exit codes: 0 ended when asked; 1 a fault, start it anew; 2 bad usage or file, or refused: the id is in use, another
-venue, another version of the wire.";
+Exit codes: 0 ended when asked; 1 a fault, or it cannot begin now (a full disk, a port or folder in use): start it anew;
+2 bad usage, file or certificate, or refused: the id is in use, another venue, another version of the wire.";
 
 impl VehicleArgs {
     /// Drives the vehicle until it is asked to stop.
@@ -69,7 +72,7 @@ impl VehicleArgs {
             }
         };
         let finish = vehicle_process::run(&file, &text, &|| stop.is_asked(), &mut status);
-        answer(finish.map_err(|error| CliError::Usage(error.to_string()))?)
+        answer(finish.map_err(|error| unready(&error, is_passing(&error)))?)
     }
 }
 
@@ -79,6 +82,55 @@ pub(super) fn answer(finish: Finish) -> Result<(), CliError> {
         Finish::Asked => Ok(()),
         Finish::Ending(Ending::Refused(reason)) => Err(CliError::Usage(format!("refused: {reason}"))),
         Finish::Ending(Ending::Fault(fault)) => Err(CliError::Fault(fault.to_string())),
+    }
+}
+
+/// Tells whether a later start may go well without anybody mending anything.
+fn is_passing(error: &VehicleError) -> bool {
+    match error {
+        VehicleError::StateDir(error) => folder_is_passing(error),
+        VehicleError::Bus(error) => bus_is_passing(error),
+        VehicleError::Trust(error) => trust_is_passing(error),
+        VehicleError::NoChance(_) | VehicleError::Thread(_) => true,
+    }
+}
+
+pub(super) fn unready(error: &dyn std::fmt::Display, is_passing: bool) -> CliError {
+    if is_passing { CliError::NotNow(error.to_string()) } else { CliError::Usage(error.to_string()) }
+}
+
+pub(super) fn folder_is_passing(error: &StateDirError) -> bool {
+    match error {
+        StateDirError::Io { source, .. } => !matches!(
+            source.kind(),
+            ErrorKind::PermissionDenied
+                | ErrorKind::NotADirectory
+                | ErrorKind::AlreadyExists
+                | ErrorKind::ReadOnlyFilesystem
+        ),
+        StateDirError::InUse { .. } => true,
+        StateDirError::Count { .. } => false,
+    }
+}
+
+pub(super) fn bus_is_passing(error: &BusError) -> bool {
+    match error {
+        BusError::Listen { .. } | BusError::Thread(_) => true,
+        BusError::Settings { .. } => false,
+    }
+}
+
+pub(super) fn trust_is_passing(error: &TrustError) -> bool {
+    match error {
+        TrustError::Kept { .. } => true,
+        TrustError::Read { .. }
+        | TrustError::Certificate { .. }
+        | TrustError::Roster { .. }
+        | TrustError::OtherNode { .. }
+        | TrustError::NotAllowed { .. }
+        | TrustError::Issue { .. }
+        | TrustError::Key { .. }
+        | TrustError::OpenKey { .. } => false,
     }
 }
 
@@ -99,4 +151,28 @@ fn line(status: &Status) {
     };
     // A status line that cannot be written is missed by nobody.
     let _ = write!(std::io::stderr(), "\r\x1b[K{place}, {bus} with {} links{troubles}", status.links);
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_full_disk_or_a_busy_port_is_tried_again_and_a_bad_file_is_not() {
+        let folder = |kind: ErrorKind| {
+            let path = PathBuf::from("state");
+            VehicleError::from(StateDirError::Io { path, source: kind.into() })
+        };
+        let busy = BusError::Listen { endpoints: "tcp/127.0.0.1:1".to_owned(), reason: "in use".to_owned() };
+        let bad = BusError::Settings { reason: "none".to_owned() };
+        for (error, code) in [
+            (folder(ErrorKind::StorageFull), 1),
+            (folder(ErrorKind::PermissionDenied), 2),
+            (VehicleError::from(busy), 1),
+            (VehicleError::from(bad), 2),
+            (VehicleError::from(TrustError::Key { path: PathBuf::from("key.pem") }), 2),
+        ] {
+            assert_eq!(unready(&error, is_passing(&error)).exit_code(), code, "{error}");
+        }
+    }
 }

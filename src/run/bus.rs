@@ -9,9 +9,10 @@
 mod zenoh_config;
 
 use std::collections::BTreeMap;
+use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
-use std::sync::{Arc, Condvar, Mutex, PoisonError, RwLock};
+use std::sync::{Arc, Condvar, Mutex, PoisonError, RwLock, Weak};
 use std::thread::JoinHandle;
 use std::time::Duration;
 
@@ -38,6 +39,8 @@ const ALONE_AFTER: Duration = Duration::from_secs(60);
 /// So many times what this node may send is taken from each of the others, and saved up for so many seconds.
 const INGRESS_SHARE: f64 = 4.0;
 const INGRESS_SAVED_S: f64 = 4.0;
+/// The keeper looks at the session this often when there is nothing to send.
+const LOOKS_EVERY: Duration = Duration::from_secs(1);
 /// A session that does not close within this time is left alone.
 const CLOSES_WITHIN: Duration = Duration::from_secs(1);
 
@@ -108,7 +111,8 @@ pub struct Traffic {
     pub taken_bytes: u64,
     /// Frames refused: not ours, impossible, too much, or not the sender's to say.
     pub refused: u64,
-    /// Frames dropped because too much waited to be sent.
+    /// Frames dropped before they were sent because too much waited, among them batches of samples beyond the second; what
+    /// the network drops under congestion is not known.
     pub dropped: u64,
 }
 
@@ -150,6 +154,8 @@ struct Shared {
     egress: Mutex<Egress>,
     more: Condvar,
     is_closing: AtomicBool,
+    /// Whether a message could not be encoded since the start.
+    has_failed: AtomicBool,
     /// Whether anything but greetings may be said.
     is_open: AtomicBool,
     ingress: Mutex<Ingress>,
@@ -194,6 +200,7 @@ impl Bus {
             egress: Mutex::new(egress),
             more: Condvar::new(),
             is_closing: AtomicBool::new(false),
+            has_failed: AtomicBool::new(false),
             is_open: AtomicBool::new(false),
             ingress: Mutex::new(Ingress::default()),
             ear: Box::new(hear),
@@ -210,7 +217,7 @@ impl Bus {
             shared.open_session()?;
         }
         let of_keeper = shared.clone();
-        let keeper = std::thread::Builder::new().name("bus".to_owned()).spawn(move || of_keeper.keep())?;
+        let keeper = std::thread::Builder::new().name("bus".to_owned()).spawn(move || of_keeper.keep_on())?;
         Ok(Bus { shared, keeper: Some(keeper) })
     }
 
@@ -226,6 +233,8 @@ impl Bus {
 
     fn end(&mut self) {
         self.shared.is_closing.store(true, Ordering::Relaxed);
+        // With the lock taken the keeper is either before its look at `is_closing`, or waits already.
+        drop(lock(&self.shared.egress));
         self.shared.more.notify_all();
         if let Some(keeper) = self.keeper.take() {
             // A keeper that panicked has nothing left to close.
@@ -240,7 +249,7 @@ impl Drop for Bus {
     }
 }
 
-/// Publishes; cheap to clone, usable from any thread, never waits.
+/// Publishes; cheap to clone, usable from any thread, never waits for the network. As long as one is held the bus's ear is.
 #[derive(Clone)]
 pub struct Mouth {
     shared: Arc<Shared>,
@@ -253,10 +262,7 @@ impl Mouth {
         if !shared.is_open.load(Ordering::Relaxed) && !matches!(message, Message::Hello(_)) {
             return;
         }
-        let Ok(frame) = codec::encode(message) else {
-            shared.troubles.raise("bus", "a message is too long to be sent".to_owned());
-            return;
-        };
+        let Some(frame) = shared.frame(message) else { return };
         let key = Key::of(shared.settings.node, message).as_str().to_owned();
         let is_state = !matches!(message, Message::Samples(_) | Message::Want(_));
         let parcel = Parcel { class: Class::of(message), key, is_state, frame };
@@ -266,6 +272,11 @@ impl Mouth {
             Some(parcel) => shared.send(parcel),
             None => shared.more.notify_one(),
         }
+    }
+
+    /// Gives a handle that does not keep the bus from being dropped.
+    pub fn reply(&self) -> Reply {
+        Reply { shared: Arc::downgrade(&self.shared) }
     }
 
     /// From now on everything is published.
@@ -292,6 +303,21 @@ impl Mouth {
         let session = self.shared.session.read().unwrap_or_else(PoisonError::into_inner);
         let Some(session) = &*session else { return 0 };
         session.info().peers_zid().wait().count() + session.info().routers_zid().wait().count()
+    }
+}
+
+/// Publishes as long as the bus is there; for what the bus itself holds on to, such as its ear.
+#[derive(Clone)]
+pub struct Reply {
+    shared: Weak<Shared>,
+}
+
+impl Reply {
+    /// Publishes a message; nothing when the bus is gone.
+    pub fn publish(&self, message: &Message) {
+        if let Some(shared) = self.shared.upgrade() {
+            Mouth { shared }.publish(message);
+        }
     }
 }
 
@@ -331,8 +357,39 @@ impl Shared {
         Ok(())
     }
 
+    /// Keeps the session until the bus is closed; a keeper that panics begins anew, with a new session.
+    fn keep_on(self: &Arc<Self>) {
+        while catch_unwind(AssertUnwindSafe(|| self.keep())).is_err() {
+            self.troubles.raise("bus", "what keeps the session failed, and begins anew".to_owned());
+            // A session that cannot even be closed is left alone.
+            let _ = catch_unwind(AssertUnwindSafe(|| self.close_session()));
+            if self.is_closing.load(Ordering::Relaxed) {
+                return;
+            }
+            self.wait_for_more(RETRY);
+        }
+    }
+
+    /// Encodes a message; one that cannot be sent is a trouble until one of its kind can.
+    fn frame(&self, message: &Message) -> Option<Vec<u8>> {
+        let who = || format!("bus: {}", message.word());
+        match codec::encode(message) {
+            Ok(frame) => {
+                if self.has_failed.load(Ordering::Relaxed) {
+                    self.troubles.clear(&who());
+                }
+                Some(frame)
+            }
+            Err(error) => {
+                self.has_failed.store(true, Ordering::Relaxed);
+                self.troubles.raise(&who(), error.to_string());
+                None
+            }
+        }
+    }
+
     /// Opens the session anew whenever it is gone or deaf, and sends what has waited.
-    fn keep(self: Arc<Self>) {
+    fn keep(self: &Arc<Self>) {
         while !self.is_closing.load(Ordering::Relaxed) {
             if !self.has_session() {
                 if let Err(error) = self.open_session() {
@@ -375,17 +432,21 @@ impl Shared {
         }
     }
 
-    /// Sends what is due and waits for more.
+    /// Sends what is due, or waits for more: it looks and begins to wait under one lock, so that nothing that is offered
+    /// meanwhile is overlooked.
     fn drain(&self) {
-        let (due, next) = {
-            let mut egress = lock(&self.egress);
-            let now = self.clock.now();
-            let due: Vec<Parcel> = std::iter::from_fn(|| egress.due(now)).collect();
-            (due, egress.next())
-        };
+        let mut egress = lock(&self.egress);
+        let now = self.clock.now();
+        let due: Vec<Parcel> = std::iter::from_fn(|| egress.due(now)).collect();
+        if due.is_empty() {
+            let wait = egress.next().map_or(LOOKS_EVERY, |at| at.since(now)).min(LOOKS_EVERY);
+            if !self.is_closing.load(Ordering::Relaxed) {
+                drop(self.more.wait_timeout(egress, wait));
+            }
+            return;
+        }
+        drop(egress);
         due.into_iter().for_each(|parcel| self.send(parcel));
-        let wait = next.map_or(Duration::from_secs(1), |at| at.since(self.clock.now()));
-        self.wait_for_more(wait.min(Duration::from_secs(1)));
     }
 
     fn wait_for_more(&self, wait: Duration) {

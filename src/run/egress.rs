@@ -13,17 +13,20 @@ use crate::time::Time;
 
 /// Bytes that may wait at most; beyond that the lowest class loses its oldest.
 const WAITING: usize = 1 << 20;
+/// Batches of samples that may wait; further ones are dropped, since their vehicle repeats them.
+const BATCHES: usize = 2;
 
 /// How much a message presses.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Debug)]
 pub enum Class {
     /// Orders and greetings: never waits.
     Urgent,
-    /// Where somebody is and how far: State, Progress, plans.
+    /// Where somebody is and how far, and what others decide by when it is missing: State, Progress, plans, Report, Have,
+    /// digests.
     High,
-    /// The map and the samples.
+    /// The map, and how a vehicle fares.
     Normal,
-    /// What is repeated anyway, and nobody waits for.
+    /// Samples: they are many, and are repeated until the ground has them.
     Low,
 }
 
@@ -32,13 +35,14 @@ impl Class {
     pub fn of(message: &Message) -> Class {
         match message {
             Message::Order(_) | Message::Hello(_) => Class::Urgent,
-            Message::State(_) | Message::Progress(_) | Message::Plan(_) => Class::High,
-            Message::Tile(_) | Message::Want(_) | Message::Samples(_) => Class::Normal,
-            Message::Digest(_)
-            | Message::Have(_)
-            | Message::Health(_)
+            Message::State(_)
+            | Message::Progress(_)
+            | Message::Plan(_)
             | Message::Report(_)
-            | Message::Beacon(_) => Class::Low,
+            | Message::Have(_)
+            | Message::Digest(_) => Class::High,
+            Message::Tile(_) | Message::Want(_) | Message::Health(_) => Class::Normal,
+            Message::Samples(_) | Message::Beacon(_) => Class::Low,
         }
     }
 }
@@ -103,14 +107,19 @@ impl Egress {
         (self.bytes > 0).then(|| self.allowance.next())
     }
 
-    /// Tells how many parcels were dropped because too much waited.
+    /// Tells how many parcels were dropped because too much waited, or too many batches of samples.
     pub fn dropped(&self) -> u64 {
         self.dropped
     }
 
     fn keep(&mut self, parcel: Parcel) {
-        self.bytes += parcel.frame.len();
         let waiting = self.waiting.entry(parcel.class).or_default();
+        let is_batch = |parcel: &Parcel| parcel.class == Class::Low && !parcel.is_state;
+        if is_batch(&parcel) && waiting.iter().filter(|waiting| is_batch(waiting)).count() >= BATCHES {
+            self.dropped += 1;
+            return;
+        }
+        self.bytes += parcel.frame.len();
         let older = |known: &&mut Parcel| known.is_state && known.key == parcel.key;
         match waiting.iter_mut().find(older) {
             Some(known) => {
@@ -174,13 +183,31 @@ mod tests {
     }
 
     #[test]
-    fn batches_are_all_kept_in_order() {
+    fn of_batches_of_samples_the_first_two_wait_behind_everything_else() {
         let mut egress = spent();
-        for number in 1..=3 {
-            let batch = Parcel { is_state: false, ..parcel(Class::Normal, "samples", number) };
+        for number in 1..=5 {
+            let batch = Parcel { is_state: false, ..parcel(Class::Low, "samples", number) };
             assert!(egress.offer(Time::ZERO, batch).is_none());
         }
-        assert_eq!(all_due(&mut egress), ["samples", "samples", "samples", "second"]);
+        assert!(egress.offer(Time::ZERO, parcel(Class::Normal, "tile", 5)).is_none());
+        assert_eq!(egress.dropped(), 3);
+        assert_eq!(all_due(&mut egress), ["tile", "second", "samples", "samples"]);
+    }
+
+    #[test]
+    fn what_others_decide_by_goes_before_samples() {
+        let (vehicle, boot) = (tomoswarm_proto::VehicleId(1), tomoswarm_proto::Boot(1));
+        let batch =
+            tomoswarm_proto::Samples { vehicle, boot, run: tomoswarm_proto::RunId(1), samples: vec![] };
+        let samples = Class::of(&Message::Samples(batch));
+        for message in [
+            Message::Report(tomoswarm_proto::Report::default()),
+            Message::Have(tomoswarm_proto::Have::default()),
+            Message::Digest(tomoswarm_proto::Digest::default()),
+            Message::Health(tomoswarm_proto::Health::default()),
+        ] {
+            assert!(Class::of(&message) < samples, "{}", message.word());
+        }
     }
 
     #[test]

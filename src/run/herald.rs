@@ -3,9 +3,9 @@
 
 use std::sync::{Arc, Mutex, OnceLock};
 
-use tomoswarm_proto::{Hello, Message, Sender};
+use tomoswarm_proto::{Hello, Message, OrderKind, Sender};
 
-use super::bus::{Bus, BusError, BusSettings, Heard, Mouth};
+use super::bus::{Bus, BusError, BusSettings, Heard, Mouth, Reply};
 use super::desk::{Ending, Office, lock};
 use super::joining::{Joining, Verdict};
 use crate::time::Time;
@@ -29,39 +29,39 @@ impl Herald {
         hear: impl Fn(Sender, Message) + Send + Sync + 'static,
     ) -> Result<Herald, BusError> {
         let joining = Arc::new(Mutex::new(Joining::new(office.clock.now(), own)));
-        let answer: Arc<OnceLock<Mouth>> = Arc::default();
+        let answer: Arc<OnceLock<Reply>> = Arc::default();
         let (judged, answered, endings) =
             (joining.clone(), answer.clone(), Mutex::new(office.endings.clone()));
         let clock = office.clock;
         let ear = move |heard| match heard {
             Heard::Message(sender, message) => {
-                if lock(&judged).listens_to(sender) {
+                if stops_at_once(&message) || lock(&judged).listens_to(sender) {
                     hear(sender, message);
                 }
             }
             Heard::Greeting(greeting, hello) => {
-                let verdict = lock(&judged).hear(&greeting, hello.as_ref());
+                let verdict = lock(&judged).hear(clock.now(), &greeting, hello.as_ref());
                 match verdict {
                     Verdict::Fine => {
                         if let Some(hello) = hello.filter(|hello| lock(&judged).listens_to(hello.node)) {
                             hear(hello.node, Message::Hello(hello));
                         }
                     }
-                    Verdict::Foreign(reason) => tracing::warn!("{reason}"),
+                    Verdict::Foreign(reason) | Verdict::Stays(reason) => tracing::warn!("{reason}"),
                     Verdict::Refused(reason) => {
                         lock(&endings).send(Ending::Refused(reason)).unwrap_or_default();
                     }
                 }
                 // Whoever asks and does not fit learns it at once.
                 let own = lock(&judged).greet_if_due(clock.now());
-                if let (Some(own), Some(mouth)) = (own, answered.get()) {
-                    mouth.publish(&Message::Hello(own));
+                if let (Some(own), Some(reply)) = (own, answered.get()) {
+                    reply.publish(&Message::Hello(own));
                 }
             }
         };
         let bus = Bus::open(settings, office.clock, office.troubles.clone(), ear)?;
         // It is empty: only here it is ever filled.
-        let _ = answer.set(bus.mouth());
+        let _ = answer.set(bus.mouth().reply());
         Ok(Herald { bus, joining, is_speaking: false })
     }
 
@@ -72,7 +72,12 @@ impl Herald {
 
     /// Greets when it is time; gives when to be called again. Once nobody has objected the node may speak.
     pub fn greet(&mut self, now: Time) -> Time {
+        // Asked without the lock: the ear, which the bus's threads call, waits for it.
+        let is_linked = !self.is_speaking && self.bus.mouth().links() > 0;
         let mut joining = lock(&self.joining);
+        if is_linked {
+            joining.meet(now);
+        }
         let hello = joining.greet(now);
         if joining.is_member() && !self.is_speaking {
             self.is_speaking = true;
@@ -94,4 +99,10 @@ impl Herald {
     pub fn close(self) {
         self.bus.close();
     }
+}
+
+/// Tells whether a message is an order that must not depend on venue files: what makes everything stop at once. It was
+/// judged by the bus like everything else.
+fn stops_at_once(message: &Message) -> bool {
+    matches!(message, Message::Order(order) if order.kind >= OrderKind::Emergency)
 }

@@ -1,15 +1,16 @@
 //! Whether a node may take part, by what greetings say. Pure: it is told greetings and the time, and opens nothing.
 //!
 //! ```text
-//!            nobody objects for a moment
-//!   Asking ─────────────────────────────► Member
+//!            somebody is linked, and nobody objects for a moment; or nobody is there
+//!   Asking ──────────────────────────────────────────────────────────────────────────► Member
 //!     │ a member of another wire version or venue, or of the same name
 //!     ▼
-//!   Refused                                 Member ─ who joined under the same name earlier ─► Refused
+//!   Refused                     Member ─ a member of the same name for longer ─► Refused
 //! ```
 //!
-//! A member answers whoever asks and does not fit, so that both sides say why. Two ground stations do not refuse each
-//! other: the lease decides between them.
+//! A member answers whoever asks and does not fit, so that both sides say why. Who found nobody takes part alone; when it
+//! meets others later, of two of one name the one that has been a member for longer stays. Two ground stations do not
+//! refuse each other: the lease decides between them.
 
 use std::collections::BTreeMap;
 use std::time::Duration;
@@ -19,24 +20,59 @@ use tomoswarm_proto::{Hello, Sender};
 
 use crate::time::Time;
 
-/// How long a node listens for objections before it takes part.
+/// How long a node that somebody can hear listens for objections before it takes part.
 const ASKS_FOR: Duration = Duration::from_millis(300);
+/// A node that nobody can hear for this long takes part alone.
+const ALONE_AFTER: Duration = Duration::from_millis(1500);
 /// A greeting is repeated this often.
 const EVERY: Duration = Duration::from_secs(2);
 /// While it asks, this often.
 const EVERY_ASKING: Duration = Duration::from_millis(100);
-/// Reasons kept for nodes that do not fit.
-const FOREIGN_MAX: usize = 64;
+/// Who does not fit, and a node of the own name, is answered this often at most.
+const EVERY_ANSWER: Duration = Duration::from_millis(100);
+/// And so many times, as long as it greets in the same way: two that both answer would never end.
+const ANSWERS: u32 = 10;
+/// A node of which nothing that fits was heard for so long may be silenced by one of its name that does not fit; one that
+/// does not fit and was silent for so long is answered anew.
+const FORGOTTEN: Duration = Duration::from_secs(5);
+/// Members for equally long, as far as can be told from afar.
+const ALIKE_S: u32 = 2;
+/// Who seems to be the elder, but not by enough, leaves only after so long.
+const HESITATES: Duration = Duration::from_secs(1);
+/// Nodes of the own name that are told apart.
+const TWINS_MAX: usize = 64;
+/// Nodes that do not fit, of each name.
+const MISFITS_MAX: usize = 4;
 
 /// What follows from a greeting.
 #[derive(Clone, PartialEq, Eq, Debug)]
 pub enum Verdict {
     /// Nothing.
     Fine,
-    /// The other one does not fit: what it says is not listened to. Said once; answer with the own greeting.
+    /// The other one does not fit: what it says is not listened to, unless one of its name fits. Said once.
     Foreign(String),
+    /// Another node of the own name has to leave. Said once of each.
+    Stays(String),
     /// This node may not take part.
     Refused(String),
+}
+
+/// What is known of those that use one name.
+#[derive(Clone, Default, Debug)]
+struct Known {
+    /// When one that fits greeted last.
+    fitted: Option<Time>,
+    is_silenced: bool,
+    /// Those that do not fit.
+    misfits: Vec<Misfit>,
+}
+
+#[derive(Clone, Copy, Debug)]
+struct Misfit {
+    greeting: Greeting,
+    heard: Time,
+    /// How often it was answered.
+    answers: u32,
 }
 
 /// How far a node is with joining.
@@ -44,18 +80,30 @@ pub enum Verdict {
 pub struct Joining {
     own: Hello,
     since: Time,
+    /// When somebody could hear it first.
+    met: Option<Time>,
+    member_since: Time,
     greeted: Option<Time>,
-    foreign: BTreeMap<Sender, String>,
+    /// Whether somebody is to be answered.
+    owes: bool,
+    /// By name: bounded, since names are numbers under 256, the ground and the operator.
+    known: BTreeMap<Sender, Known>,
+    /// When nodes of the own name were heard first, by instance.
+    twins: BTreeMap<u64, Time>,
 }
 
 impl Joining {
     /// Begins to ask.
     pub fn new(now: Time, own: Hello) -> Joining {
         Joining {
-            own: Hello { is_member: false, ..own },
+            own: Hello { is_member: false, member_for_s: 0, ..own },
             since: now,
+            met: None,
+            member_since: now,
             greeted: None,
-            foreign: BTreeMap::new(),
+            owes: false,
+            known: BTreeMap::new(),
+            twins: BTreeMap::new(),
         }
     }
 
@@ -66,63 +114,69 @@ impl Joining {
 
     /// Tells whether what a node says is listened to.
     pub fn listens_to(&self, node: Sender) -> bool {
-        !self.foreign.contains_key(&node)
+        !self.known.get(&node).is_some_and(|known| known.is_silenced)
+    }
+
+    /// Learns that somebody can hear it: there is a link, or something was heard.
+    pub fn meet(&mut self, now: Time) {
+        self.met.get_or_insert(now);
     }
 
     /// Gives a greeting when one is due; also ends the asking when nobody has objected.
     pub fn greet(&mut self, now: Time) -> Option<Hello> {
-        if !self.own.is_member && now.since(self.since) >= ASKS_FOR {
-            self.own.is_member = true;
+        let has_asked = self.met.is_some_and(|met| now.since(met) >= ASKS_FOR);
+        if !self.own.is_member && (has_asked || self.met.is_none() && now.since(self.since) >= ALONE_AFTER) {
+            (self.own.is_member, self.member_since) = (true, now);
             self.greeted = None;
         }
-        let every = if self.own.is_member { EVERY } else { EVERY_ASKING };
-        let is_due = self.greeted.is_none_or(|at| now.since(at) >= every);
-        is_due.then(|| {
-            self.greeted = Some(now);
-            self.own.clone()
-        })
+        let is_due = self.greeted.is_none_or(|at| now.since(at) >= self.every());
+        is_due.then(|| self.greeting(now))
     }
 
     /// Gives an answer to whoever does not fit, if one is due now; never ends the asking.
     pub fn greet_if_due(&mut self, now: Time) -> Option<Hello> {
-        let is_due = self.own.is_member && self.greeted.is_none();
-        is_due.then(|| {
-            self.greeted = Some(now);
-            self.own.clone()
-        })
+        let is_free = self.greeted.is_none_or(|at| now.since(at) >= EVERY_ANSWER);
+        (self.own.is_member && self.owes && is_free).then(|| self.greeting(now))
     }
 
     /// Gives when to greet next.
     pub fn next(&self) -> Time {
-        let every = if self.own.is_member { EVERY } else { EVERY_ASKING };
-        self.greeted.map_or(self.since, |at| at + every)
+        self.greeted.map_or(self.since, |at| at + self.every())
     }
 
     /// Takes a greeting of another node; of one of another wire version only the greeting can be read.
-    pub fn hear(&mut self, greeting: &Greeting, hello: Option<&Hello>) -> Verdict {
-        let theirs_counts = hello.is_none_or(|hello| hello.is_member);
+    pub fn hear(&mut self, now: Time, greeting: &Greeting, hello: Option<&Hello>) -> Verdict {
+        self.meet(now);
         if let Some(misfit) = self.misfit(greeting) {
-            return self.object(greeting, hello, misfit);
+            return self.object(now, greeting, hello, &misfit);
         }
-        self.foreign.remove(&greeting.node);
-        let is_twin = hello.is_some_and(|hello| hello.instance != self.own.instance);
-        let Sender::Vehicle(_) = greeting.node else { return Verdict::Fine };
-        if greeting.node != self.own.node || !is_twin {
-            return Verdict::Fine;
+        let known = self.known.entry(greeting.node).or_default();
+        (known.fitted, known.is_silenced) = (Some(now), false);
+        match hello {
+            Some(hello) if hello.node == self.own.node && hello.instance != self.own.instance => {
+                self.compete(now, hello)
+            }
+            Some(_) | None => Verdict::Fine,
         }
-        let theirs = hello.map_or(0, |hello| hello.instance);
-        let ours_stays = match (self.own.is_member, theirs_counts) {
-            (true, false) => true,
-            (false, true) => false,
-            // Both have joined, or both ask: anything that both decide alike.
-            (true, true) | (false, false) => self.own.instance < theirs,
-        };
-        let name = greeting.node;
-        if ours_stays {
-            self.greeted = None;
-            return Verdict::Fine;
+    }
+
+    fn every(&self) -> Duration {
+        match (self.own.is_member, self.owes) {
+            (true, true) => EVERY_ANSWER,
+            (true, false) => EVERY,
+            (false, _) => EVERY_ASKING,
         }
-        Verdict::Refused(format!("{name} is on the bus already: another node runs under this id"))
+    }
+
+    fn greeting(&mut self, now: Time) -> Hello {
+        (self.greeted, self.owes) = (Some(now), false);
+        Hello { member_for_s: self.member_for_s(now), ..self.own.clone() }
+    }
+
+    /// Gives how long the node has been a member, whole seconds.
+    fn member_for_s(&self, now: Time) -> u32 {
+        let member_for_s = now.since(self.member_since).as_secs();
+        if self.own.is_member { u32::try_from(member_for_s).unwrap_or(u32::MAX) } else { 0 }
     }
 
     fn misfit(&self, greeting: &Greeting) -> Option<String> {
@@ -137,20 +191,73 @@ impl Joining {
         })
     }
 
+    /// Decides between this node and another one of its name, so that exactly one of them goes.
+    fn compete(&mut self, now: Time, theirs: &Hello) -> Verdict {
+        let Sender::Vehicle(_) = theirs.node else { return Verdict::Fine };
+        let is_new = !self.twins.contains_key(&theirs.instance);
+        if is_new && self.twins.len() >= TWINS_MAX {
+            self.twins.pop_first();
+        }
+        let first = *self.twins.entry(theirs.instance).or_insert(now);
+        let ours_s = self.member_for_s(now);
+        let is_lower = self.own.instance < theirs.instance;
+        let is_alike = ours_s.abs_diff(theirs.member_for_s) <= ALIKE_S;
+        let (stays, hesitates) = match (self.own.is_member, theirs.is_member) {
+            (true, false) => (true, false),
+            (false, true) => (false, false),
+            (false, false) => (is_lower, false),
+            (true, true) if is_alike => (is_lower, ours_s > theirs.member_for_s),
+            (true, true) => (ours_s > theirs.member_for_s, false),
+        };
+        let name = theirs.node;
+        if !stays && !(hesitates && now.since(first) < HESITATES) {
+            return Verdict::Refused(format!(
+                "{name} is on the bus already: another node runs under this id"
+            ));
+        }
+        self.owes = true;
+        if is_new && stays {
+            let age = format!("here for {ours_s} s, there for {} s", theirs.member_for_s);
+            return Verdict::Stays(format!("another node runs as {name} and has to leave ({age})"));
+        }
+        Verdict::Fine
+    }
+
     /// The newcomer gives way: who asks leaves, who takes part goes on and does not listen.
-    fn object(&mut self, greeting: &Greeting, hello: Option<&Hello>, misfit: String) -> Verdict {
+    fn object(&mut self, now: Time, greeting: &Greeting, hello: Option<&Hello>, misfit: &str) -> Verdict {
         let they_ask = hello.is_some_and(|hello| !hello.is_member);
         if !self.own.is_member && !they_ask && greeting.node != Sender::Operator {
             return Verdict::Refused(format!("{} has {misfit}", greeting.node));
         }
-        self.greeted = None;
-        let known = self.foreign.get(&greeting.node) == Some(&misfit);
-        if known || self.foreign.len() >= FOREIGN_MAX {
-            return Verdict::Fine;
+        let known = self.known.entry(greeting.node).or_default();
+        known.is_silenced = known.fitted.is_none_or(|at| now.since(at) >= FORGOTTEN);
+        let (is_new, is_answered) = known.misfit(now, greeting);
+        self.owes |= is_answered;
+        match is_new {
+            true => Verdict::Foreign(format!("{} is refused: {misfit}", greeting.node)),
+            false => Verdict::Fine,
         }
-        let reason = format!("{} is refused: {misfit}", greeting.node);
-        self.foreign.insert(greeting.node, misfit);
-        Verdict::Foreign(reason)
+    }
+}
+
+impl Known {
+    /// Tells whether one that does not fit is new, and whether it is answered.
+    fn misfit(&mut self, now: Time, greeting: &Greeting) -> (bool, bool) {
+        if let Some(known) = self.misfits.iter_mut().find(|known| known.greeting == *greeting) {
+            if now.since(known.heard) >= FORGOTTEN {
+                known.answers = 0;
+            }
+            known.heard = now;
+            known.answers = (known.answers + 1).min(ANSWERS + 1);
+            return (false, known.answers <= ANSWERS);
+        }
+        if self.misfits.len() >= MISFITS_MAX {
+            let silent = self.misfits.iter().position(|known| now.since(known.heard) >= FORGOTTEN);
+            let Some(silent) = silent else { return (false, false) };
+            self.misfits.swap_remove(silent);
+        }
+        self.misfits.push(Misfit { greeting: *greeting, heard: now, answers: 1 });
+        (true, true)
     }
 }
 
@@ -166,6 +273,7 @@ mod tests {
             venue_hash: 5,
             instance,
             is_member: false,
+            member_for_s: 0,
             software: String::new(),
             capabilities: vec![],
         }
@@ -173,35 +281,68 @@ mod tests {
 
     const TWO: Sender = Sender::Vehicle(VehicleId(2));
 
+    const THREE: Sender = Sender::Vehicle(VehicleId(3));
+
+    fn at(at_s: f64) -> Time {
+        Time::from_secs_f64(at_s)
+    }
+
     fn joining(node: Sender, instance: u64, is_member: bool) -> Joining {
         let mut joining = Joining::new(Time::ZERO, hello(node, instance));
         if is_member {
-            joining.greet(Time::from_secs_f64(1.0));
+            joining.greet(at(2.0));
         }
         joining
     }
 
+    /// Hears a greeting two seconds after the start.
     fn hear(joining: &mut Joining, hello: &Hello) -> Verdict {
+        hear_at(joining, 2.0, hello)
+    }
+
+    fn hear_at(joining: &mut Joining, at_s: f64, hello: &Hello) -> Verdict {
         let greeting =
             Greeting { version: VERSION, node: hello.node, boot: hello.boot, venue_hash: hello.venue_hash };
-        joining.hear(&greeting, Some(hello))
+        joining.hear(at(at_s), &greeting, Some(hello))
     }
 
     #[test]
-    fn without_objection_a_node_takes_part_soon() {
+    fn without_objection_a_node_takes_part_soon_after_it_can_be_heard() {
         let mut joining = joining(TWO, 1, false);
         assert!(!joining.greet(Time::ZERO).unwrap().is_member);
-        assert!(joining.greet(Time::from_secs_f64(0.05)).is_none());
-        assert!(joining.greet(Time::from_secs_f64(0.31)).unwrap().is_member);
-        assert!(joining.is_member());
+        assert!(joining.greet(at(0.05)).is_none());
+        assert!(!joining.greet(at(0.9)).unwrap().is_member, "nobody could object yet");
+        joining.meet(at(1.0));
+        assert!(!joining.greet(at(1.25)).unwrap().is_member);
+        let greeting = joining.greet(at(1.31)).unwrap();
+        assert!(greeting.is_member && joining.is_member());
+        assert_eq!(joining.greet(at(5.4)).unwrap().member_for_s, 4);
+    }
+
+    #[test]
+    fn who_finds_nobody_takes_part_alone_within_two_seconds() {
+        let mut joining = joining(TWO, 1, false);
+        assert!(!joining.greet(at(1.4)).unwrap().is_member);
+        assert!(joining.greet(at(1.6)).unwrap().is_member);
+    }
+
+    #[test]
+    fn a_node_linked_late_is_refused_by_the_established_one_of_its_name() {
+        let mut late = joining(TWO, 1, false);
+        late.greet(at(1.2));
+        let member = Hello { is_member: true, member_for_s: 100, ..hello(TWO, 9) };
+        assert!(matches!(hear_at(&mut late, 1.2, &member), Verdict::Refused(_)));
+        assert!(!late.is_member());
     }
 
     #[test]
     fn a_name_in_use_is_refused_to_the_newcomer() {
         let member = Hello { is_member: true, ..hello(TWO, 9) };
         assert!(matches!(hear(&mut joining(TWO, 1, false), &member), Verdict::Refused(_)));
-        assert_eq!(hear(&mut joining(TWO, 1, true), &hello(TWO, 9)), Verdict::Fine);
-        let other = Hello { is_member: true, ..hello(Sender::Vehicle(VehicleId(3)), 9) };
+        let mut first = joining(TWO, 1, true);
+        assert!(matches!(hear(&mut first, &hello(TWO, 9)), Verdict::Stays(_)));
+        assert_eq!(hear(&mut first, &hello(TWO, 9)), Verdict::Fine, "it is said once");
+        let other = Hello { is_member: true, ..hello(THREE, 9) };
         assert_eq!(hear(&mut joining(TWO, 1, false), &other), Verdict::Fine);
     }
 
@@ -213,27 +354,103 @@ mod tests {
                 hear(&mut joining(TWO, 1, is_member), &said(9)),
                 hear(&mut joining(TWO, 9, is_member), &said(1)),
             ];
-            assert!(matches!(verdicts, [Verdict::Fine, Verdict::Refused(_)]), "{verdicts:?}");
+            assert!(matches!(verdicts, [Verdict::Stays(_), Verdict::Refused(_)]), "{verdicts:?}");
+        }
+    }
+
+    #[test]
+    fn of_two_members_the_one_that_has_been_one_for_longer_stays() {
+        // Linked only a minute after the elder began, 20 s after the younger did; the younger has the lower instance.
+        let (mut elder, mut younger) = (joining(TWO, 9, true), joining(TWO, 1, true));
+        let of_elder = Hello { is_member: true, member_for_s: 58, ..hello(TWO, 9) };
+        let of_younger = Hello { is_member: true, member_for_s: 18, ..hello(TWO, 1) };
+        assert!(matches!(hear_at(&mut elder, 60.0, &of_younger), Verdict::Stays(_)));
+        assert!(matches!(hear_at(&mut younger, 20.0, &of_elder), Verdict::Refused(_)));
+    }
+
+    #[test]
+    fn of_two_members_one_goes_whatever_the_difference_of_their_ages() {
+        for difference_ms in (0..6000_u64).step_by(70) {
+            for elder_is_lower in [false, true] {
+                let instances = if elder_is_lower { [1, 9] } else { [9, 1] };
+                let mut gone: [Option<u64>; 2] = [None, None];
+                let mut pair = instances.map(|instance| Joining::new(Time::ZERO, hello(TWO, instance)));
+                let clock = |of: usize, now_ms: u64| {
+                    Time::from_nanos(now_ms.saturating_sub([0, difference_ms][of]) * 1_000_000)
+                };
+                // They meet after ten seconds; each hears every 100 ms what the other said 30 ms before.
+                for now_ms in (0..20_000).step_by(50) {
+                    for which in [0, 1] {
+                        pair[which].greet(clock(which, now_ms));
+                        let (other, said_ms) = (1 - which, now_ms.saturating_sub(30));
+                        let has_said = gone[other].is_none_or(|at_ms| at_ms > said_ms);
+                        let is_turn = now_ms >= 10_000 && now_ms % 100 == 50 * which as u64;
+                        if !is_turn || gone[which].is_some() || !has_said {
+                            continue;
+                        }
+                        let said = pair[other].greeting(clock(other, said_ms));
+                        let now = clock(which, now_ms);
+                        if let Verdict::Refused(_) = hear_at(&mut pair[which], now.as_secs_f64(), &said) {
+                            gone[which] = Some(now_ms);
+                        }
+                    }
+                }
+                assert!(gone[0].is_some() != gone[1].is_some(), "{difference_ms} ms: {gone:?}");
+                assert!(difference_ms < 3000 || gone[1].is_some(), "{difference_ms} ms: the elder went");
+            }
         }
     }
 
     #[test]
     fn another_venue_is_refused_on_both_sides() {
-        let elsewhere = Hello { venue_hash: 6, ..hello(Sender::Vehicle(VehicleId(3)), 9) };
+        let elsewhere = Hello { venue_hash: 6, ..hello(THREE, 9) };
         let mut member = joining(TWO, 1, true);
         assert!(matches!(hear(&mut member, &elsewhere), Verdict::Foreign(_)));
-        assert!(!member.listens_to(Sender::Vehicle(VehicleId(3))));
+        assert!(!member.listens_to(THREE));
         assert_eq!(hear(&mut member, &elsewhere), Verdict::Fine, "it is said once");
         let established = Hello { is_member: true, ..elsewhere };
         assert!(matches!(hear(&mut joining(TWO, 1, false), &established), Verdict::Refused(_)));
     }
 
     #[test]
+    fn a_stranger_does_not_silence_the_right_one_of_its_name() {
+        let (right, stranger) = (hello(THREE, 3), Hello { venue_hash: 6, ..hello(THREE, 9) });
+        let mut member = joining(TWO, 1, true);
+        hear_at(&mut member, 10.0, &right);
+        assert!(matches!(hear_at(&mut member, 12.0, &stranger), Verdict::Foreign(_)));
+        assert!(member.listens_to(THREE));
+        hear_at(&mut member, 15.1, &stranger);
+        assert!(!member.listens_to(THREE), "the right one is gone");
+        hear_at(&mut member, 16.0, &right);
+        assert!(member.listens_to(THREE));
+    }
+
+    #[test]
+    fn who_does_not_fit_is_answered_every_100_ms_and_not_for_ever() {
+        let mut member = joining(TWO, 1, true);
+        let mut answers_within = |from_ms: u64, to_ms: u64| {
+            let mut answers = 0;
+            for now_ms in from_ms..to_ms {
+                let now = Time::from_nanos(now_ms * 1_000_000);
+                let elsewhere = Hello { venue_hash: 6, ..hello(THREE, 9) };
+                hear_at(&mut member, now.as_secs_f64(), &elsewhere);
+                answers += usize::from(member.greet_if_due(now).is_some());
+            }
+            answers
+        };
+        assert!((1..=2).contains(&answers_within(3000, 3150)));
+        assert!(answers_within(3150, 10_000) <= 10);
+        assert!(answers_within(20_000, 20_050) == 1, "it is answered again after a silence");
+    }
+
+    #[test]
     fn another_version_is_refused_though_only_its_greeting_can_be_read() {
         let greeting = Greeting { version: 9, node: Sender::Ground, boot: Boot(1), venue_hash: 5 };
-        let Verdict::Refused(reason) = joining(TWO, 1, false).hear(&greeting, None) else { panic!() };
+        let Verdict::Refused(reason) = joining(TWO, 1, false).hear(at(0.1), &greeting, None) else {
+            panic!()
+        };
         assert!(reason.contains("wire version 9"), "{reason}");
-        assert!(matches!(joining(TWO, 1, true).hear(&greeting, None), Verdict::Foreign(_)));
+        assert!(matches!(joining(TWO, 1, true).hear(at(2.0), &greeting, None), Verdict::Foreign(_)));
     }
 
     #[test]

@@ -1,6 +1,8 @@
 //! From a node's file to how it takes part in the bus, and how it greets.
 
-use std::path::PathBuf;
+use std::fs::File;
+use std::io::Write;
+use std::path::{Path, PathBuf};
 
 use tomoswarm_proto::{Boot, Hello, Sender};
 
@@ -54,7 +56,8 @@ pub fn bus_settings(node: Sender, venue: &Venue, file: &BusFile, access: Vec<Acc
 /// The highest issue of the roster that was ever seen is kept, so that an older one does not count again.
 ///
 /// # Errors
-/// A file is damaged, of another authority, or revoked; the roster is older than one seen before.
+/// A file is damaged, of another authority, or revoked; the roster is older than one seen before, or its issue cannot be
+/// kept.
 pub fn access(
     node: Sender,
     venue: &Venue,
@@ -62,14 +65,32 @@ pub fn access(
     state_dir: Option<&StateDir>,
 ) -> Result<Vec<AccessRule>, TrustError> {
     let Some(identity) = &file.identity else { return Ok(Vec::new()) };
-    let seen_path = state_dir.map(|state_dir| state_dir.join("roster-issue"));
-    let seen = seen_path.as_ref().and_then(|path| std::fs::read_to_string(path).ok()?.trim().parse().ok());
+    let path = state_dir.map(|state_dir| state_dir.join("roster-issue"));
+    let seen = path.as_deref().map_or(Ok(None), seen_issue)?;
     let trusted = Trusted::read(identity, node, seen)?;
-    if let Some(path) = seen_path {
-        // Where it cannot be kept only an older roster goes unnoticed.
-        let _ = std::fs::write(path, trusted.roster.issue.to_string());
+    if let Some(path) = path.filter(|_| seen != Some(trusted.roster.issue)) {
+        keep_issue(&path, trusted.roster.issue).map_err(|source| TrustError::Kept { path, source })?;
     }
     Ok(trust::access_rules(&trusted.roster, &venue.name, file.topology))
+}
+
+fn seen_issue(path: &Path) -> Result<Option<u64>, TrustError> {
+    let text = match std::fs::read_to_string(path) {
+        Ok(text) => text,
+        Err(error) if error.kind() == std::io::ErrorKind::NotFound => return Ok(None),
+        Err(source) => return Err(TrustError::Read { path: path.to_owned(), source }),
+    };
+    let issue = text.trim().parse();
+    issue.map(Some).map_err(|_| TrustError::Issue { path: path.to_owned(), text: text.trim().to_owned() })
+}
+
+/// Writes a new file in the place of the old one, so that there is always a whole one.
+fn keep_issue(path: &Path, issue: u64) -> std::io::Result<()> {
+    let fresh = path.with_extension("new");
+    let mut file = File::create(&fresh)?;
+    writeln!(file, "{issue}")?;
+    file.sync_all()?;
+    std::fs::rename(&fresh, path)
 }
 
 /// Gives how a node greets.
@@ -83,7 +104,30 @@ pub fn greeting(node: Sender, boot: Boot, venue: &Venue, capabilities: &[&str]) 
         venue_hash: venue.hash(),
         instance: draw()?,
         is_member: false,
+        member_for_s: 0,
         software: SOFTWARE.to_owned(),
         capabilities: capabilities.iter().map(|word| (*word).to_owned()).collect(),
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_issue_of_the_roster_is_kept_whole_and_a_torn_one_is_refused() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("roster-issue");
+        assert_eq!(seen_issue(&path).unwrap(), None);
+        for issue in [7, 12] {
+            keep_issue(&path, issue).unwrap();
+            assert_eq!(seen_issue(&path).unwrap(), Some(issue));
+        }
+        assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1);
+        for torn in ["", "many", "-1"] {
+            std::fs::write(&path, torn).unwrap();
+            let refused = seen_issue(&path).unwrap_err().to_string();
+            assert!(refused.contains("roster-issue") && refused.contains("no issue"), "{refused}");
+        }
+    }
 }

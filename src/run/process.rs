@@ -19,7 +19,8 @@ use super::herald::Herald;
 use crate::time::Time;
 use tomoswarm_proto::{Hello, Sender};
 
-/// A vital actor that acts for so long without a pause is stuck, and the watchdog is fed no more.
+/// The watchdog is fed as long as no vital actor has been acting for so long without a pause; whether it says anything of
+/// use is not looked at.
 const STUCK_AFTER: Duration = Duration::from_secs(20);
 /// The watchdog is fed this often, and the process looks whether it is to end.
 const LOOKS_EVERY: Duration = Duration::from_millis(100);

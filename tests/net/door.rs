@@ -87,6 +87,7 @@ fn hello(node: Sender) -> Message {
         venue_hash: venue().hash(),
         instance: 1,
         is_member: true,
+        member_for_s: 60,
         software: env!("CARGO_PKG_VERSION").to_owned(),
         capabilities: vec![],
     })

@@ -215,6 +215,7 @@ fn another_version_of_the_wire_or_another_venue_is_refused_on_both_sides() {
         venue_hash: 1,
         instance: 1,
         is_member: true,
+        member_for_s: 60,
         software: "2.0.0".to_owned(),
         capabilities: vec![],
     });

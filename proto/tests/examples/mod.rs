@@ -154,6 +154,7 @@ pub fn examples() -> Vec<(&'static str, Message)> {
         venue_hash: 0x0123_4567_89ab_cdef,
         instance: 1 << 50,
         is_member: true,
+        member_for_s: 3600,
         software: "tomoswarm 0.1.0".to_owned(),
         capabilities: vec!["range".to_owned(), "radio".to_owned()],
     };

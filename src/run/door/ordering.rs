@@ -25,16 +25,19 @@
 //! never the other way round. A ground station that begins what was started brings everyone to rest first: its Hold
 //! after our Start is no contradiction when its Report says that nothing stands. Whatever else is above ours has
 //! overruled it. An emergency gives way to nothing but the cutting of motors.
+//!
+//! **Strangers.** Who greets with another venue file or wire version does not listen to this operator: it is named and not
+//! sent anything but an emergency, which it obeys whatever its venue file says.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::time::Duration;
 
 use tomoswarm_proto::{
-    Lease, Order, OrderKind, Ordered, Report, Revision, RunId, State, StationPhase, VehicleId,
+    Lease, Order, OrderKind, Ordered, Report, Revision, RunId, Sender, State, StationPhase, VehicleId,
 };
 
 use super::super::bus::Heard;
-use super::roll::{Fresh, Roll};
+use super::roll::{Fresh, Misfit, Roll};
 use crate::time::Time;
 
 /// An order is repeated this often.
@@ -74,6 +77,8 @@ pub struct Wish {
     pub take_over: bool,
     /// Random id of this operator.
     pub holder: u64,
+    /// Hash of the operator's venue file: who has another one does not listen to it.
+    pub venue_hash: u64,
     /// When it is given up.
     pub timeout: Duration,
 }
@@ -94,6 +99,8 @@ pub enum Fate {
     Ignored,
     /// Nothing was heard of it.
     Unheard,
+    /// It does not listen to this operator, and was not sent the order unless that is an emergency.
+    Foreign(Misfit),
 }
 
 /// What became of an order.
@@ -176,6 +183,9 @@ impl Ordering {
         let mut due = Vec::new();
         for id in self.addressees(now) {
             self.settle(now, id);
+            if !self.is_emergency() && self.misfit(id).is_some() {
+                continue;
+            }
             due.extend(self.due(now, id));
         }
         due
@@ -192,7 +202,13 @@ impl Ordering {
     /// Gives what became of it once it is over.
     pub fn outcome(&self, now: Time) -> Option<Outcome> {
         let fates = self.fates(now);
-        let is_open = |fate: &Fate| matches!(fate, Fate::Ignored | Fate::Unheard);
+        let is_emergency = self.is_emergency();
+        let is_open = |fate: &Fate| match fate {
+            Fate::Ignored | Fate::Unheard => true,
+            // In an emergency it may still obey.
+            Fate::Foreign(_) => is_emergency,
+            Fate::Obeyed { .. } | Fate::Overruled(_) => false,
+        };
         let knows_all =
             !self.wish.vehicles.is_empty() || !self.wish.expected.is_empty() || self.has_listened(now);
         let is_over = knows_all && !fates.is_empty() && !fates.values().any(is_open);
@@ -210,9 +226,18 @@ impl Ordering {
         let nothing = Dealing::default();
         let of = |id| {
             let dealing = self.dealings.get(&id).unwrap_or(&nothing);
-            (id, dealing.fate(self.roll.state(id).is_some()))
+            let fate = dealing.fate(self.roll.state(id).is_some());
+            match (fate, self.misfit(id)) {
+                (Fate::Ignored | Fate::Unheard, Some(misfit)) => (id, Fate::Foreign(misfit)),
+                (fate, _) => (id, fate),
+            }
         };
         self.targets(now).into_iter().map(of).collect()
+    }
+
+    /// Gives why a vehicle does not listen to this operator, if it does not.
+    fn misfit(&self, id: VehicleId) -> Option<Misfit> {
+        self.roll.misfit(Sender::Vehicle(id), self.wish.venue_hash)
     }
 
     /// Gives who must obey.

@@ -47,6 +47,15 @@ pub struct Seen {
     pub hello: Option<Fresh<Hello>>,
 }
 
+/// Why two nodes do not listen to each other.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub enum Misfit {
+    /// It speaks this version of the wire.
+    Version(u8),
+    /// Its venue file has this hash.
+    Venue(u64),
+}
+
 /// The newest of everything.
 #[derive(Clone, Debug, Default)]
 pub struct Roll {
@@ -100,6 +109,20 @@ impl Roll {
     /// Gives the nodes whose greeting is of another wire version.
     pub fn foreign(&self) -> impl Iterator<Item = &Greeting> {
         self.foreign.values()
+    }
+
+    /// Gives why a node does not listen to whoever has this venue file; `None` = it does, or has not greeted.
+    pub fn misfit(&self, node: Sender, venue_hash: u64) -> Option<Misfit> {
+        if let Some(greeting) = self.foreign.get(&node) {
+            return Some(Misfit::Version(greeting.version));
+        }
+        let hello = match node {
+            Sender::Ground => self.ground_hello.as_ref(),
+            Sender::Vehicle(id) => self.vehicles.get(&id)?.hello.as_ref(),
+            Sender::Operator => None,
+        };
+        let theirs = hello?.said.venue_hash;
+        (theirs != venue_hash).then_some(Misfit::Venue(theirs))
     }
 
     /// Gives the greatest lease that a vehicle echoes or a live ground station holds; number 0 = nobody's.

@@ -68,6 +68,22 @@ pub enum TrustError {
         /// The issue of the roster.
         issue: u64,
     },
+    /// What was kept of the rosters seen is damaged.
+    #[error("{}: `{text}` is no issue of a roster; write the highest issue used so far into it", path.display())]
+    Issue {
+        /// The file.
+        path: PathBuf,
+        /// What stands in it.
+        text: String,
+    },
+    /// The issue of the roster cannot be kept.
+    #[error("{}: the issue of the roster cannot be kept: {source}", path.display())]
+    Kept {
+        /// The file.
+        path: PathBuf,
+        /// Why.
+        source: std::io::Error,
+    },
     /// The key is none, or that of another certificate.
     #[error("{}: is not the private key of the certificate", path.display())]
     Key {

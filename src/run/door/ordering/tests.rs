@@ -1,6 +1,7 @@
 //! Orders in virtual time, against vehicles that obey what is above their echo.
 
-use tomoswarm_proto::{Message, OrderKind as Kind};
+use tomoswarm_proto::codec::{self, Greeting};
+use tomoswarm_proto::{Boot, Hello, Message, OrderKind as Kind};
 
 use super::super::tests_support::{Rover, at, heard, report};
 use super::*;
@@ -18,6 +19,7 @@ fn wish(kind: Kind) -> Wish {
         run: None,
         take_over: false,
         holder: OWN,
+        venue_hash: 5,
         timeout: Duration::from_secs(5),
     }
 }
@@ -329,4 +331,49 @@ fn an_emergency_insists_against_a_start_of_a_higher_lease_but_not_against_cut_mo
             Rover::ordered(1, Lease { number: 5_000_000, holder: 1 }, 6, theirs).state.ordered;
         assert_eq!(world.run().is_done(), is_done, "{theirs:?}");
     }
+}
+
+/// A greeting of a vehicle with this version and venue file.
+fn greets(vehicle: u8, version: u8, venue_hash: u64) -> Heard {
+    let (node, boot) = (Sender::Vehicle(VehicleId(vehicle)), Boot(1));
+    let (software, capabilities) = (String::new(), vec![]);
+    let hello = Hello {
+        node,
+        boot,
+        venue_hash,
+        instance: 1,
+        is_member: true,
+        member_for_s: 9,
+        software,
+        capabilities,
+    };
+    let hello = (version == codec::VERSION).then_some(hello);
+    Heard::Greeting(Greeting { version, node, boot, venue_hash }, hello)
+}
+
+#[test]
+fn who_has_another_venue_file_or_version_is_named_at_once_and_not_ordered() {
+    for (version, venue_hash, misfit) in
+        [(codec::VERSION, 6, Misfit::Venue(6)), (codec::VERSION + 1, 5, Misfit::Version(codec::VERSION + 1))]
+    {
+        let mut ordering = Ordering::new(Time::ZERO, only_one(Kind::Hold));
+        ordering.hear(at(0.1), &Rover::new(1).say());
+        ordering.hear(at(0.1), &greets(1, version, venue_hash));
+        assert_eq!(ordering.act(at(0.2), true), vec![]);
+        let outcome = ordering.outcome(at(0.2)).unwrap();
+        assert_eq!(fates(&outcome), [Fate::Foreign(misfit)]);
+        assert!(!outcome.is_done());
+        // It fits: nothing is refused.
+        ordering.hear(at(0.3), &greets(1, codec::VERSION, 5));
+        assert_eq!(ordering.act(at(0.4), true).len(), 1);
+    }
+}
+
+#[test]
+fn an_emergency_goes_to_who_has_another_venue_file_too() {
+    let mut ordering = Ordering::new(Time::ZERO, only_one(Kind::Emergency));
+    ordering.hear(at(0.1), &Rover::new(1).say());
+    ordering.hear(at(0.1), &greets(1, codec::VERSION, 6));
+    assert_eq!(ordering.act(at(0.2), true).len(), 1);
+    assert_eq!(ordering.outcome(at(0.2)), None);
 }

@@ -24,6 +24,7 @@ fn hello(node: Sender) -> Hello {
         venue_hash: 5,
         instance: 1,
         is_member: true,
+        member_for_s: 60,
         software: "0.1.0".to_owned(),
         capabilities: vec![],
     }
