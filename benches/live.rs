@@ -177,8 +177,9 @@ fn halt_latency() {
     let pose = Pose { at: home, heading: Angle::default(), sd_m: 0.05 };
     let mut spans = Vec::new();
     for round in 0..HALTS {
-        let telemetry =
-            |speed_mps, motion| vehicle::In::Telemetry(Telemetry { pose, speed_mps, battery: 1.0, motion });
+        let telemetry = |speed_mps, motion| {
+            vehicle::In::Telemetry(Telemetry { pose, speed_mps, battery: 1.0, motion, is_armed: true })
+        };
         // A turn ends the halt of the round before; then it drives again, and something stands 0.4 m ahead.
         desk.tell(telemetry(0.0, Motion::Resting));
         desk.tell(vehicle::In::Command(

@@ -38,6 +38,8 @@ const CAPACITY: usize = 50_000;
 pub const CHUNK: usize = 2048;
 /// What was asked for and did not come for so long is asked for again.
 const RECALL_AFTER: Duration = Duration::from_secs(10);
+/// The edge is told again to forget while the ground says that a run is closed, this often: it may have been too busy.
+const FORGET_AGAIN: Duration = Duration::from_secs(60);
 
 /// Where a sample stands among all of its vehicle: in the order of boots, runs and sequences.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Debug, Serialize, Deserialize)]
@@ -144,8 +146,8 @@ pub struct Outbox {
     store: Option<(u64, Time)>,
     /// What that store has: every sequence below.
     marks: BTreeMap<Source, u64>,
-    /// What the edge was told to forget: every sequence below.
-    forgotten: BTreeMap<Source, u64>,
+    /// What the edge was told to forget, and when: every sequence below.
+    forgotten: BTreeMap<Source, (u64, Time)>,
     /// The sequence that is expected next of each source.
     next: BTreeMap<Source, u64>,
     reading: Option<Reading>,
@@ -269,7 +271,7 @@ impl Outbox {
         let own = self.vehicle;
         for mark in have.watermarks.iter().filter(|mark| mark.vehicle == own) {
             self.take_mark(mark);
-            self.forget(mark, have, out);
+            self.forget(now, mark, have, out);
         }
     }
 
@@ -296,12 +298,15 @@ impl Outbox {
         drop_below(&mut self.sent, mark);
     }
 
-    /// Lets the edge forget what is confirmed of a closed run, once.
-    fn forget(&mut self, mark: &HeardFrom, have: &Have, out: &mut Vec<Out>) {
+    /// Lets the edge forget what is confirmed of a closed run, again and again: deleting what is gone costs next to nothing.
+    fn forget(&mut self, now: Time, mark: &HeardFrom, have: &Have, out: &mut Vec<Out>) {
         let HeardFrom { vehicle: _, boot, run, below } = *mark;
-        let forgotten = self.forgotten.entry((boot, run)).or_default();
-        if have.closed.binary_search(&run).is_ok() && *forgotten < below {
-            *forgotten = below;
+        if have.closed.binary_search(&run).is_err() {
+            return;
+        }
+        let said = self.forgotten.get(&(boot, run));
+        if said.is_none_or(|(said, at)| *said < below || now.since(*at) >= FORGET_AGAIN) && below > 0 {
+            self.forgotten.insert((boot, run), (below, now));
             out.push(Out::Forget { boot, run, below });
         }
     }

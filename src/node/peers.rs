@@ -19,6 +19,8 @@ use crate::time::Time;
 pub(super) const SILENT_AFTER: Duration = Duration::from_secs(2);
 /// A vehicle that drove when it was heard last is not waited for any longer than this.
 const GONE_AFTER: Duration = Duration::from_secs(20);
+/// After so long a silence an earlier start counts as well: a vehicle whose count of starts was lost begins anew.
+const BOOT_COUNTS: Duration = Duration::from_secs(30);
 /// A beacon tells a vehicle's place when no state has for this long.
 const STATE_COUNTS: Duration = Duration::from_secs(1);
 /// A vehicle that moves and is heard by radio alone claims this much ahead, metres: what it drives between two beacons
@@ -60,6 +62,11 @@ impl Peer {
         now.since(self.heard_at) > SILENT_AFTER
     }
 
+    /// Tells whether something of a start comes too late: a later one was heard, not long ago.
+    fn has_outlived(&self, now: Time, boot: Boot) -> bool {
+        boot < self.edition.0 && now.since(self.heard_at) <= BOOT_COUNTS
+    }
+
     /// Tells whether it has rested for a while, since a moment at least. One that drove when it fell silent is waited
     /// for longer: it hears nobody either, and stands by itself, or it is gone.
     pub fn is_quiet(&self, now: Time, since: Time, quiet: Duration) -> bool {
@@ -84,7 +91,11 @@ impl Peers {
     /// Takes a state; the own one, and one older than the newest known, changes nothing.
     pub fn take(&mut self, now: Time, state: &State) {
         let known = self.newest.get(&state.vehicle);
-        if state.vehicle == self.own || known.is_some_and(|known| known.edition >= edition(state)) {
+        let is_late = |known: &Peer| match state.boot == known.edition.0 {
+            true => known.edition.1 >= state.sequence,
+            false => known.has_outlived(now, state.boot),
+        };
+        if state.vehicle == self.own || known.is_some_and(is_late) {
             return;
         }
         let resting = state.leg.is_none() && !matches!(state.mode, Mode::Driving | Mode::Turning);
@@ -124,10 +135,10 @@ impl Peers {
             moved_at: now,
         };
         let peer = self.newest.entry(vehicle).or_insert_with(|| unknown.clone());
-        if boot < peer.edition.0 {
+        if peer.has_outlived(now, boot) {
             return;
         }
-        if boot > peer.edition.0 {
+        if boot != peer.edition.0 {
             *peer = unknown;
         }
         peer.heard_at = now;
@@ -246,5 +257,25 @@ mod tests {
         peers.take(at(9.0), &State { sequence: 900, ..state(2, 4.0, 0.0) });
         let peer = peers.get(VehicleId(2)).unwrap();
         assert_eq!((peer.at.x_m, peer.heard_at), (7.0, at(1.0)));
+    }
+
+    #[test]
+    fn a_peer_that_counts_its_starts_from_the_beginning_is_believed_after_a_silence() {
+        let mut peers = Peers::new(VehicleId(1));
+        let state_of =
+            |boot: u32, sequence: u64, x_m: f64| State { boot: Boot(boot), sequence, ..state(2, x_m, 0.0) };
+        peers.take(at(1.0), &state_of(40, 900, 1.0));
+        peers.take(at(30.9), &state_of(3, 1, 2.0));
+        peers.sight(at(30.9), &sighting(3, 2.0));
+        assert_eq!(peers.get(VehicleId(2)).unwrap().at.x_m, 1.0, "it was heard 29.9 s ago");
+        peers.take(at(31.5), &state_of(40, 899, 5.0));
+        assert_eq!(peers.get(VehicleId(2)).unwrap().at.x_m, 1.0, "of one start the order stays");
+        let mut by_radio = peers.clone();
+        by_radio.sight(at(31.5), &sighting(3, 2.0));
+        peers.take(at(31.5), &state_of(3, 1, 2.0));
+        for peers in [by_radio, peers] {
+            let peer = peers.get(VehicleId(2)).unwrap();
+            assert_eq!((peer.at.x_m, peer.heard_at), (2.0, at(31.5)));
+        }
     }
 }

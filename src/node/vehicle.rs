@@ -8,8 +8,10 @@
 //! *reflex*: a scan nearer than the stopping distance halts the
 //! vehicle without map, plan or network. It does not plan and does not know the map.
 //!
+//! Orders to stop are enforced here, not by the mission: an order to hold, to land or to return brakes at once, what the
+//! mission had decided before it is not driven any more, and nothing is driven while an order to hold or to land stands.
 //! After an emergency, or an order to land, a rover holds at once and is disarmed as soon as it rests; cutting the
-//! motors disarms it at once. A start arms it again.
+//! motors disarms it at once. A start arms it again. A stop and a disarming are said again until telemetry shows them.
 //!
 //! ```text
 //!            Drive/Turn accepted          telemetry: at rest
@@ -23,6 +25,7 @@
 
 mod envelope;
 mod orders;
+mod rest;
 mod words;
 
 use std::collections::VecDeque;
@@ -107,6 +110,11 @@ pub struct Vehicle {
     /// Since when it is to be disarmed as soon as it rests.
     disarm_since: Option<Time>,
     is_disarmed: bool,
+    /// When it was told to stop last; `None` once it was told to move.
+    stop_said: Option<Time>,
+    disarm_said: Option<Time>,
+    /// When the last order to stop, or to return, was obeyed: what was decided before it is not driven.
+    stopped_by_order: Time,
     accepted: (RunId, Revision),
     ordered: Ordered,
     sequence: u64,
@@ -140,6 +148,9 @@ impl Vehicle {
             emergency: false,
             disarm_since: None,
             is_disarmed: false,
+            stop_said: None,
+            disarm_said: None,
+            stopped_by_order: Time::ZERO,
             accepted: Default::default(),
             ordered: Default::default(),
             sequence: 0,
@@ -155,6 +166,7 @@ impl Vehicle {
         self.silent_reported = false;
         self.trim_leg(now, telemetry);
         self.disarm_at_rest(now, telemetry, out);
+        self.say_again(now, telemetry, out);
         self.sequence += 1;
         self.made.note(now, self.sequence);
         let state = self.state(telemetry);
@@ -221,31 +233,18 @@ impl Vehicle {
         }
         match command {
             Command::Drive { stop, route } => {
-                self.halted = false;
+                (self.halted, self.stop_said) = (false, None);
                 let corners: Vec<Point> = route.into_iter().skip(1).collect();
                 let ahead = corners.iter().copied().collect();
                 self.leg = Some(Leg { since: now, is_off_plan: stop.is_none(), corners: ahead });
                 out.push(Out::Fly(Fly::Drive { corners, speed_mps: self.settings.body.speed_mps }));
             }
             Command::Turn(heading) => {
-                self.halted = false;
+                (self.halted, self.stop_said) = (false, None);
                 out.push(Out::Fly(Fly::Turn(heading)));
             }
             Command::Hold => self.stop(now, out),
         }
-    }
-
-    fn stop(&mut self, now: Time, out: &mut Vec<Out>) {
-        if let Some((_, telemetry)) = self.telemetry {
-            let corners = VecDeque::from([self.brakes_until(telemetry)]);
-            self.leg = self.leg.is_some().then_some(Leg { since: now, is_off_plan: false, corners });
-        }
-        out.push(Out::Fly(Fly::Stop));
-    }
-
-    fn brakes_until(&self, telemetry: Telemetry) -> Point {
-        let braking_m = telemetry.speed_mps * telemetry.speed_mps / (2.0 * self.settings.body.braking_mps2);
-        telemetry.pose.at + crate::geom::Vector::polar(telemetry.pose.heading, braking_m)
     }
 
     /// The reflex: halts when a reading in the driven strip is nearer than the vehicle can stop.
@@ -291,16 +290,18 @@ impl Vehicle {
         }
         let Order { lease, revision, run, kind, .. } = order;
         self.ordered = Ordered { lease, revision, run, kind: Some(kind) };
-        match order.kind {
+        if kind != OrderKind::Start {
+            self.stopped_by_order = now;
+            self.stop(now, out);
+        }
+        match kind {
             OrderKind::Emergency => {
                 self.emergency = true;
-                self.stop(now, out);
                 self.disarm_since = Some(now);
             }
             OrderKind::CutMotors => {
                 self.emergency = true;
-                self.stop(now, out);
-                self.disarm(out);
+                self.disarm(now, out);
             }
             OrderKind::Start => {
                 (self.emergency, self.held) = (false, false);
@@ -319,24 +320,6 @@ impl Vehicle {
             }
         }
         out.push(Out::Order(order));
-    }
-
-    fn arm(&mut self, out: &mut Vec<Out>) {
-        (self.disarm_since, self.is_disarmed) = (None, false);
-        out.push(Out::Fly(Fly::Arm));
-    }
-
-    fn disarm(&mut self, out: &mut Vec<Out>) {
-        (self.disarm_since, self.is_disarmed) = (None, true);
-        out.push(Out::Fly(Fly::Disarm));
-    }
-
-    /// Disarms a vehicle that was to hold first, once: braking needs its motors.
-    fn disarm_at_rest(&mut self, now: Time, telemetry: Telemetry, out: &mut Vec<Out>) {
-        let is_due = self.disarm_since.is_some_and(|since| now.since(since) > REST_GRACE);
-        if is_due && telemetry.motion == Motion::Resting {
-            self.disarm(out);
-        }
     }
 
     /// An order is stale when it answers a state that was made too long ago; stopping is never stale.

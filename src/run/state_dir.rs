@@ -1,12 +1,31 @@
 //! The folder in which a node keeps what must outlive it: the count of its starts, its samples or its store, its
 //! recordings. One process has it at a time.
+//!
+//! The count of starts names what a start of a node has measured, so a number must never come twice, and a later start
+//! has a higher one: others do not listen to a lower one until they have not heard the node for a while. A folder
+//! without a count (a new SD card) therefore does not begin at 1 but at the seconds since 2020, which have outgrown every
+//! count begun earlier. A little chance is added: cards written from one image begin with the same wrong time when the
+//! machine has no clock (the image's), and must not repeat each other's numbers. Where the clock cannot be right (1970)
+//! it is chance alone: a lower number than before, but hardly one that was used.
 
 use std::fs::{self, File};
 use std::io::Write;
 use std::path::{Path, PathBuf};
+use std::time::{Duration, SystemTime};
 
 use rustix::fs::{FlockOperation, flock, statvfs};
 use tomoswarm_proto::Boot;
+
+use super::membership::{self, NoChance};
+
+/// From 1970 to 2020.
+const UNTIL_2020: Duration = Duration::from_secs(1_577_836_800);
+/// No clock is right that shows less than this since 2020 (about mid 2024), or more (2100).
+const PLAUSIBLE_S: std::ops::Range<u64> = 142_000_000..2_524_608_000;
+/// Chance added to the seconds: less than a day.
+const SPREAD: u64 = 1 << 16;
+/// Chance alone: less than any plausible time.
+const SPREAD_ALONE: u64 = 1 << 20;
 
 /// Why a folder cannot be used.
 #[derive(Debug, thiserror::Error)]
@@ -25,6 +44,9 @@ pub enum StateDirError {
         /// Which folder.
         path: PathBuf,
     },
+    /// There is no count of starts, and none can be drawn.
+    #[error(transparent)]
+    NoChance(#[from] NoChance),
     /// The count of starts is no number.
     #[error("{}: `{text}` is no count of starts; write the highest boot number used so far into it", path.display())]
     Count {
@@ -66,13 +88,15 @@ impl StateDir {
             let mut file = File::create(&fresh)?;
             writeln!(file, "{boot}")?;
             file.sync_all()?;
-            fs::rename(&fresh, &count_path)
+            fs::rename(&fresh, &count_path)?;
+            // The rename itself must outlive a power cut as well.
+            File::open(path)?.sync_all()
         };
         write().map_err(io(&count_path))?;
         Ok(StateDir { path: path.to_owned(), boot, _lock: lock })
     }
 
-    /// Gives which start this is; the first is 1.
+    /// Gives which start this is: one more than the last one in this folder.
     pub fn boot(&self) -> Boot {
         self.boot
     }
@@ -92,7 +116,10 @@ impl StateDir {
 fn next_boot(path: &Path) -> Result<Boot, StateDirError> {
     let text = match fs::read_to_string(path) {
         Ok(text) => text,
-        Err(error) if error.kind() == std::io::ErrorKind::NotFound => return Ok(Boot(1)),
+        Err(error) if error.kind() == std::io::ErrorKind::NotFound => {
+            let utc = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH).ok();
+            return Ok(first_boot(utc, membership::draw()?));
+        }
         Err(source) => return Err(StateDirError::Io { path: path.to_owned(), source }),
     };
     let count: Option<u32> = text.trim().parse().ok();
@@ -100,17 +127,42 @@ fn next_boot(path: &Path) -> Result<Boot, StateDirError> {
     next.map(Boot).ok_or_else(|| StateDirError::Count { path: path.to_owned(), text: text.trim().to_owned() })
 }
 
+/// Gives the number of the first start in a folder, by the system's clock and a random number.
+fn first_boot(utc: Option<Duration>, drawn: u64) -> Boot {
+    let since_2020_s = utc.and_then(|utc| utc.checked_sub(UNTIL_2020)).map(|since| since.as_secs());
+    let number = match since_2020_s.filter(|seconds| PLAUSIBLE_S.contains(seconds)) {
+        Some(seconds) => seconds + drawn % SPREAD,
+        None => 1 + drawn % SPREAD_ALONE,
+    };
+    Boot(u32::try_from(number).unwrap_or(u32::MAX - 1))
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
 
     #[test]
+    fn a_new_folder_begins_above_what_older_ones_have_counted() {
+        let at = |since_1970_s: u64, drawn| first_boot(Some(Duration::from_secs(since_1970_s)), drawn).0;
+        let in_2026 = 1_790_000_000;
+        assert_eq!(at(in_2026, 0), 212_163_200);
+        assert!(at(in_2026 + 86_400, 0) > at(in_2026, u64::MAX), "a day later it is higher in any case");
+        assert!(at(4_102_444_799, u64::MAX) > at(in_2026, 0), "it fits until 2100");
+        for clock in [Some(Duration::ZERO), Some(UNTIL_2020), Some(Duration::MAX), None] {
+            assert_eq!(first_boot(clock, 0), Boot(1), "{clock:?}");
+            assert!(first_boot(clock, u64::MAX).0 < at(1_720_000_000, 0), "{clock:?}");
+        }
+        assert_ne!(first_boot(None, 5), first_boot(None, 6));
+    }
+
+    #[test]
     fn every_start_is_counted_and_one_process_has_the_folder() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("rover/3");
+        let first = StateDir::open(&path).unwrap().boot();
         for count in 1..=3 {
             let state = StateDir::open(&path).unwrap();
-            assert_eq!(state.boot(), Boot(count));
+            assert_eq!(state.boot(), Boot(first.0 + count));
             assert!(matches!(StateDir::open(&path), Err(StateDirError::InUse { .. })));
             assert!(state.free_mb().is_some());
         }

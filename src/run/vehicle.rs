@@ -127,7 +127,7 @@ pub fn seat_all(
     settings: &Settings,
     recorder: Option<&Recorder>,
     carry_out: impl Fn(Effect) + Send + Sync + 'static,
-) -> std::io::Result<Vec<JoinHandle<()>>> {
+) -> std::io::Result<Threads> {
     let edge = Arc::new(carry_out);
     let own = || settings.clone();
     let (v, s, m, i, r, o) = (own(), own(), own(), own(), own(), own());
@@ -145,14 +145,37 @@ pub fn seat_all(
         Record::by(recorder, |step| Deed::Vehicle(Acted::Radio(step))),
         Record::by(recorder, |step| Deed::Vehicle(Acted::Outbox(step))),
     );
-    Ok(vec![
+    let others = vec![
         seat(office, &desks.vehicle, Post::Vital, of_vehicle, vehicle, voice(desks, &edge, Said::Vehicle))?,
         seat(office, &desks.sensor, Post::Leaf, of_sensor, sensor, voice(desks, &edge, Said::Sensor))?,
         seat(office, &desks.map, Post::Vital, of_map, map, voice(desks, &edge, Said::Map))?,
-        seat(office, &desks.mission, Post::Vital, of_mission, mission, voice(desks, &edge, Said::Mission))?,
         seat(office, &desks.radio, Post::Vital, of_radio, radio, voice(desks, &edge, Said::Radio))?,
         seat(office, &desks.outbox, Post::Vital, of_outbox, outbox, voice(desks, &edge, Said::Outbox))?,
-    ])
+    ];
+    let mission =
+        seat(office, &desks.mission, Post::Vital, of_mission, mission, voice(desks, &edge, Said::Mission))?;
+    Ok(Threads { mission, others })
+}
+
+/// The threads of a vehicle's actors.
+pub struct Threads {
+    mission: JoinHandle<()>,
+    others: Vec<JoinHandle<()>>,
+}
+
+impl Threads {
+    /// Tells whether the mission decides nothing any more.
+    pub fn has_mission_ended(&self) -> bool {
+        self.mission.is_finished()
+    }
+
+    /// Waits until all have ended.
+    pub fn join(self) {
+        for thread in self.others.into_iter().chain([self.mission]) {
+            // An actor that panicked has said so already.
+            let _ = thread.join();
+        }
+    }
 }
 
 /// Gives what hands on the words of one actor.

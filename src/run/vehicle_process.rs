@@ -1,7 +1,9 @@
-//! `tomoswarm vehicle`: brings a vehicle's actors together with the bus, the disk and the drivers that its file names, and
-//! keeps them until it is asked to stop.
+//! `tomoswarm vehicle`: brings a vehicle's actors together with the bus, the disk and the link to a world, which stands for
+//! autopilot, range sensor and radio, and keeps them until it is asked to stop. Drivers of real devices are not here yet.
 //!
-//! At the end: the mission decides nothing any more, the vehicle brakes, the disk is flushed, the bus is left.
+//! At the end the mission is sent home; it may be in the middle of a search. Until it has ended and the vehicle stands, but
+//! for three seconds at most, the vehicle is told to stop, again and again. Then all actors end, the vehicle is told to
+//! stop a last time, when nobody is left who could say anything else; the disk is flushed, and the bus is left.
 
 use std::path::Path;
 use std::sync::{Arc, Mutex};
@@ -10,6 +12,7 @@ use std::time::{Duration, SystemTime};
 use tomoswarm_proto::{Health, Message, Mode, Sender, State, VehicleId};
 
 use super::bus::{BusError, Mouth};
+use super::clock::Clock;
 use super::desk::{Troubles, lock};
 use super::herald::Herald;
 use super::link::{LinkSettings, LinkState, WorldLink};
@@ -17,7 +20,7 @@ use super::membership::{self, NoChance};
 use super::process::{Finish, Process};
 use super::state_dir::{StateDir, StateDirError};
 use super::trust::TrustError;
-use super::vehicle::{Desks, seat_all};
+use super::vehicle::{Desks, Threads, seat_all};
 use crate::config::{Record, VehicleFile};
 use crate::geom::Lattice;
 use crate::node::outbox::Tally;
@@ -33,6 +36,16 @@ const HEALTH_EVERY: Duration = Duration::from_secs(2);
 const OUTBOX_BYTES: u64 = 1 << 30;
 /// At the end a vehicle that drives gets this long to brake.
 const BRAKES_WITHIN: Duration = Duration::from_secs(3);
+/// It is told to at least for so long: what the mission said last is done by then, and telemetry shows it.
+const BRAKES_AT_LEAST: Duration = Duration::from_millis(300);
+/// It is told to this often.
+const STOP_EVERY: Duration = Duration::from_millis(50);
+/// An autopilot that has said nothing for so long is silent.
+const AUTOPILOT_SILENT: Duration = Duration::from_secs(2);
+/// A range sensor that has answered no ping for so long is silent.
+const RANGE_SILENT: Duration = Duration::from_secs(3);
+/// Who was in the ring when a beacon was sent is heard for so long.
+const HEARS_FOR: Duration = Duration::from_secs(5);
 
 /// Why a vehicle's process cannot begin.
 #[derive(Debug, thiserror::Error)]
@@ -71,31 +84,62 @@ pub struct Status {
 #[derive(Default)]
 struct Last {
     state: Option<State>,
-    hears: Vec<VehicleId>,
+    /// When it came.
+    state_at: Option<Time>,
+    /// Who was in the ring at the last beacon.
+    hears: Option<(Time, Vec<VehicleId>)>,
+    /// The first ping that was not answered.
+    ping: Option<Time>,
     tally: Tally,
+}
+
+impl Last {
+    /// Tells whether the autopilot has said nothing for too long; also one that was never heard.
+    fn is_autopilot_silent(&self, now: Time) -> bool {
+        now.since(self.state_at.unwrap_or(Time::ZERO)) > AUTOPILOT_SILENT
+    }
+
+    fn is_range_silent(&self, now: Time) -> bool {
+        self.ping.is_some_and(|at| now.since(at) > RANGE_SILENT)
+    }
+
+    fn hears(&self, now: Time) -> Vec<VehicleId> {
+        let fresh = self.hears.as_ref().filter(|(at, _)| now.since(*at) <= HEARS_FOR);
+        fresh.map(|(_, hears)| hears.clone()).unwrap_or_default()
+    }
+
+    fn is_moving(&self) -> bool {
+        self.state.as_ref().is_some_and(|state| matches!(state.mode, Mode::Driving | Mode::Turning))
+    }
 }
 
 struct Edge {
     mouth: Mouth,
     world: WorldLink,
     outbox: OutboxDriver,
-    last: Mutex<Last>,
+    last: Arc<Mutex<Last>>,
     desks: Desks,
+    clock: Clock,
 }
 
 impl Edge {
     fn carry_out(&self, effect: Effect) {
         match &effect {
-            Effect::Fly(_) | Effect::Steer(_) | Effect::Ping(_) => {
+            Effect::Fly(_) | Effect::Steer(_) => {
+                self.world.send(&effect);
+            }
+            Effect::Ping(_) => {
+                lock(&self.last).ping.get_or_insert(self.clock.now());
                 self.world.send(&effect);
             }
             Effect::Transmit(beacon) => {
-                lock(&self.last).hears.clone_from(&beacon.members);
+                lock(&self.last).hears = Some((self.clock.now(), beacon.members.clone()));
                 self.world.send(&effect);
             }
             Effect::Publish(message) => {
                 if let Message::State(state) = message {
-                    lock(&self.last).state = Some(state.clone());
+                    let mut last = lock(&self.last);
+                    (last.state, last.state_at) = (Some(state.clone()), Some(self.clock.now()));
                 }
                 self.mouth.publish(message);
             }
@@ -128,10 +172,11 @@ pub fn run(
     let access = membership::access(node, &file.venue, &file.bus, Some(&state_dir))?;
     let bus = membership::bus_settings(node, &file.venue, &file.bus, access);
     let mut herald = process.join(bus, hello, move |_, message| told.tell(Event::Bus(message)))?;
-    let world = link(file, &state_dir, desks.clone())?;
+    let last = Arc::new(Mutex::<Last>::default());
+    let world = link(file, &state_dir, desks.clone(), last.clone())?;
     let outbox = outbox(file, &state_dir, desks.clone())?;
-    let last = Mutex::default();
-    let edge = Arc::new(Edge { mouth: herald.mouth(), world, outbox, last, desks: desks.clone() });
+    let clock = process.office().clock;
+    let edge = Arc::new(Edge { mouth: herald.mouth(), world, outbox, last, desks: desks.clone(), clock });
     let of_actors = edge.clone();
     let recorder = recorder(file.record, &state_dir, &format!("vehicle/{}", file.id), text, settings.lattice);
     let carry_out = move |effect| of_actors.carry_out(effect);
@@ -139,6 +184,7 @@ pub fn run(
     let mut said_at = Time::ZERO;
     let mut tick = |now: Time, herald: &Herald, troubles: &Troubles| {
         edge.watch_world(troubles);
+        edge.watch_devices(troubles);
         edge.watch_disk(troubles);
         watch_recorder(recorder.as_ref(), troubles);
         if now.since(said_at) >= HEALTH_EVERY {
@@ -154,12 +200,12 @@ pub fn run(
         });
     };
     let finish = process.keep(&mut herald, is_stopped, &|now| desks.busy_for(now), &mut tick);
-    edge.come_to_rest(&process);
+    edge.come_to_rest(&threads);
     desks.close();
-    for thread in threads {
-        // An actor that panicked has said so already.
-        let _ = thread.join();
-    }
+    threads.join();
+    edge.stop();
+    // Nobody else holds them: what is not on disk yet is written now.
+    drop((edge, recorder));
     herald.close();
     Ok(finish)
 }
@@ -204,14 +250,24 @@ fn outbox(file: &VehicleFile, state_dir: &StateDir, desks: Desks) -> std::io::Re
     OutboxDriver::start(settings, move |event| desks.tell(event))
 }
 
-fn link(file: &VehicleFile, state_dir: &StateDir, desks: Desks) -> std::io::Result<WorldLink> {
+fn link(
+    file: &VehicleFile,
+    state_dir: &StateDir,
+    desks: Desks,
+    last: Arc<Mutex<Last>>,
+) -> std::io::Result<WorldLink> {
     let settings = LinkSettings {
         address: file.world.connect,
         token: file.world.token.clone(),
         vehicle: file.id,
         boot: state_dir.boot(),
     };
-    WorldLink::connect(settings, move |event| desks.tell(event))
+    WorldLink::connect(settings, move |event| {
+        if matches!(event, Event::Echo(_)) {
+            lock(&last).ping = None;
+        }
+        desks.tell(event);
+    })
 }
 
 impl Edge {
@@ -223,6 +279,16 @@ impl Edge {
             }
             LinkState::Refused(refused) => troubles.raise("world", refused.to_string()),
         }
+    }
+
+    fn watch_devices(&self, troubles: &Troubles) {
+        let (now, last) = (self.clock.now(), lock(&self.last));
+        let watch = |who: &str, what: &str, is_silent: bool| match is_silent {
+            true => troubles.raise(who, what.to_owned()),
+            false => troubles.clear(who),
+        };
+        watch("autopilot", "it says nothing", last.is_autopilot_silent(now));
+        watch("range sensor", "it answers nothing", last.is_range_silent(now));
     }
 
     fn watch_disk(&self, troubles: &Troubles) {
@@ -239,11 +305,13 @@ impl Edge {
     }
 
     fn health(&self, settings: &Settings, state_dir: &StateDir, troubles: &Troubles) -> Health {
-        let tally = lock(&self.last).tally;
+        let last = lock(&self.last);
+        let (tally, hears) = (last.tally, last.hears(self.clock.now()));
+        drop(last);
         Health {
             vehicle: settings.vehicle,
             boot: settings.boot,
-            hears: lock(&self.last).hears.clone(),
+            hears,
             samples_waiting: tally.waiting,
             samples_lost: tally.lost + self.outbox.health().overrun,
             inputs_dropped: self.desks.dropped(),
@@ -252,18 +320,26 @@ impl Edge {
         }
     }
 
-    /// Brakes, and waits until the vehicle stands.
-    fn come_to_rest(&self, process: &Process) {
-        self.desks.close_mission();
+    fn stop(&self) {
         self.world.send(&Effect::Fly(Fly::Stop));
-        let clock = process.office().clock;
-        let until = clock.now() + BRAKES_WITHIN;
-        let is_moving = || {
-            let last = lock(&self.last);
-            last.state.as_ref().is_some_and(|state| matches!(state.mode, Mode::Driving | Mode::Turning))
-        };
-        while is_moving() && clock.now() < until {
-            std::thread::sleep(Duration::from_millis(50));
+    }
+
+    /// Brakes, until the vehicle stands and the mission has ended, or for long enough.
+    fn come_to_rest(&self, threads: &Threads) {
+        self.desks.close_mission();
+        let begun = self.clock.now();
+        let mut ended = None;
+        loop {
+            self.stop();
+            let now = self.clock.now();
+            if threads.has_mission_ended() {
+                ended.get_or_insert(now);
+            }
+            let is_over = ended.is_some_and(|at| now.since(at) >= BRAKES_AT_LEAST);
+            if now.since(begun) >= BRAKES_WITHIN || (is_over && !lock(&self.last).is_moving()) {
+                return;
+            }
+            std::thread::sleep(STOP_EVERY);
         }
     }
 }
@@ -272,4 +348,26 @@ impl Edge {
 pub(super) fn short(words: Vec<String>) -> Vec<String> {
     let cut = |word: String| word.chars().take(60).collect();
     words.into_iter().take(16).map(cut).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn at(time_s: f64) -> Time {
+        Time::from_secs_f64(time_s)
+    }
+
+    #[test]
+    fn what_is_not_heard_any_more_is_not_told_as_if_it_were() {
+        let mut last = Last::default();
+        assert!(!last.is_autopilot_silent(at(2.0)) && last.is_autopilot_silent(at(2.1)), "never heard");
+        last.state_at = Some(at(5.0));
+        assert!(!last.is_autopilot_silent(at(7.0)) && last.is_autopilot_silent(at(7.1)));
+        assert!(!last.is_range_silent(at(9.0)), "it was not asked");
+        last.ping = Some(at(9.0));
+        assert!(!last.is_range_silent(at(12.0)) && last.is_range_silent(at(12.1)));
+        last.hears = Some((at(1.0), vec![VehicleId(2)]));
+        assert_eq!((last.hears(at(6.0)), last.hears(at(6.1))), (vec![VehicleId(2)], vec![]));
+    }
 }

@@ -211,7 +211,13 @@ impl World {
         };
         let at = truth.at + self.pose_error(rover.id, now);
         let pose = Pose { at, heading: truth.heading, sd_m: self.build.pose_sd_m };
-        Telemetry { pose, speed_mps: truth.speed_mps, battery: rover.charge, motion }
+        Telemetry {
+            pose,
+            speed_mps: truth.speed_mps,
+            battery: rover.charge,
+            motion,
+            is_armed: !rover.is_disarmed,
+        }
     }
 
     /// Takes from the battery what was used since it was reckoned last, by how the body moves now.

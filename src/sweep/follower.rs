@@ -33,6 +33,8 @@
 //!    count its stops as done. Hence the first revision that it adopts must be an empty one (no stops
 //!    for anyone): the ground's answer to a restart, and how it begins every run. This supposes that
 //!    a restart takes longer than a message.
+//!    A start is later when its count is higher, or when nothing was heard of the other one for 30 s: a vehicle whose
+//!    count was lost begins anew. What was done stays done in both cases.
 //! 7. Who is no member of a newer revision stops for good. A ground that drops a member must know that
 //!    it stands still; that cannot be checked here.
 
@@ -45,6 +47,9 @@ use tomoswarm_proto::{Boot, Plan, Progress, Revision, RunId, Stop, StopId, Vehic
 use super::{FollowError, Refusal, Verdict, WaitsFor, validate};
 use crate::geom::Point;
 use crate::time::{Deadline, Time};
+
+/// After so long a silence of a peer a lower count of starts is believed.
+const BOOT_COUNTS: Duration = Duration::from_secs(30);
 
 /// A revision of a run; a higher run is newer than any revision of a lower one.
 type Edition = (RunId, Revision);
@@ -59,6 +64,8 @@ struct Peer {
     boot: Boot,
     newest: Edition,
     at_rest: bool,
+    /// When this start of it was heard last.
+    heard_at: Time,
 }
 
 /// What is known of a member in the revision followed; only ever grows.
@@ -120,7 +127,13 @@ impl Follower {
         if known || newest.is_some_and(|newest| newest > edition) {
             return Verdict::Old;
         }
-        if newest != Some(edition) {
+        // Two grounds may give one edition to different plans: those of the higher right are kept, never mixed.
+        let lease =
+            self.pending.values().next().map(|pending| pending.lease).filter(|_| newest == Some(edition));
+        if lease.is_some_and(|lease| lease > plan.lease) {
+            return Verdict::Old;
+        }
+        if newest != Some(edition) || lease.is_some_and(|lease| lease < plan.lease) {
             self.pending.clear();
             self.refusal = None;
         }
@@ -134,7 +147,7 @@ impl Follower {
             return;
         }
         self.note_member(progress);
-        self.note_peer(progress);
+        self.note_peer(now, progress);
         let is_latest = self.peers.get(&progress.vehicle).is_none_or(|peer| peer.boot <= progress.boot);
         let same = is_latest && self.adopted_edition() == Some((progress.run, progress.revision));
         let dwell = self.adopted.as_mut().and_then(|adopted| adopted.dwell.as_mut());
@@ -155,12 +168,15 @@ impl Follower {
         member.done = member.done.max(done);
     }
 
-    fn note_peer(&mut self, progress: &Progress) {
+    fn note_peer(&mut self, now: Time, progress: &Progress) {
         let newest = (progress.run, progress.revision);
-        let heard = Peer { boot: progress.boot, newest, at_rest: progress.leg.is_none() };
+        let heard = Peer { boot: progress.boot, newest, at_rest: progress.leg.is_none(), heard_at: now };
         let peer = self.peers.entry(progress.vehicle).or_insert(heard);
-        if (heard.boot, heard.newest) >= (peer.boot, peer.newest) {
+        let begins_anew = heard.boot != peer.boot && now.since(peer.heard_at) > BOOT_COUNTS;
+        if begins_anew || (heard.boot, heard.newest) >= (peer.boot, peer.newest) {
             *peer = heard;
+        } else if heard.boot == peer.boot {
+            peer.heard_at = now;
         }
     }
 
@@ -610,6 +626,40 @@ mod tests {
             assert_eq!(follower.deadline().map(|deadline| deadline.at), Some(second(ends_s)));
             assert!(!follower.wake(second(ends_s - 0.1)) && follower.wake(second(ends_s)));
             assert_eq!(follower.next_leg().map(|stop| stop.id), Some(StopId(2)));
+        }
+    }
+
+    #[test]
+    fn plans_of_two_grounds_under_one_edition_are_not_mixed() {
+        let of =
+            |plan: Plan, number: u32| Plan { lease: tomoswarm_proto::Lease { number, holder: 7 }, ..plan };
+        let mut follower = stopped();
+        assert_eq!(follower.offer(&of(plan(ONE, 2, 3), 1)), Verdict::Kept);
+        assert_eq!(
+            follower.offer(&of(plan(TWO, 2, 5), 2)),
+            Verdict::Kept,
+            "the own one is of the lower right"
+        );
+        assert_eq!(follower.offer(&of(plan(ONE, 2, 3), 1)), Verdict::Old);
+        assert_eq!(follower.offer(&of(plan(ONE, 2, 4), 2)), Verdict::Adopted);
+        assert!(follower.plans().iter().all(|plan| plan.lease.number == 2));
+    }
+
+    #[test]
+    fn a_peer_that_lost_its_count_of_starts_is_believed_after_a_silence() {
+        let of = |boot: u32, leg: Option<u32>| Progress { boot: Boot(boot), ..peer(2, None, leg) };
+        for (heard_s, rests) in [(30.9, false), (31.1, true)] {
+            let mut own = plan(ONE, 2, 1);
+            (own.stops[0].dwell_ms, own.stops[0].dwell_limit_ms) = (1000, 60_000);
+            own.stops[0].partners = vec![TWO];
+            let mut follower = following(&own);
+            follower.hear(second(1.0), &of(40, Some(1)));
+            follower.enter(StopId(1)).unwrap();
+            follower.arrive(second(2.0), StopId(1), at(1.0)).unwrap();
+            follower.hear(second(heard_s), &of(3, None));
+            let stays_s = if rests { 1.0 } else { 60.0 };
+            let expected = (!rests).then(|| second(2.0 + stays_s));
+            assert_eq!(follower.deadline().map(|deadline| deadline.at), expected, "{heard_s}");
         }
     }
 }

@@ -569,7 +569,7 @@ impl Input for In {
     }
 
     fn join(unread: In, newer: In) -> In {
-        let edition = |plan: &Plan| (plan.run, plan.revision);
+        let edition = |plan: &Plan| (plan.lease, plan.run, plan.revision);
         let step = |progress: &Progress| {
             (progress.boot, progress.run, progress.revision, progress.done, progress.leg)
         };

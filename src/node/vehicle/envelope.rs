@@ -24,7 +24,7 @@ impl Vehicle {
             Command::Turn(_) => None,
             Command::Drive { route, .. } => Some(track_of(route).ok_or(Refusal::NoRoute)?),
         };
-        if now.since(decided) > COMMAND_AGE {
+        if now.since(decided) > COMMAND_AGE || decided < self.stopped_by_order {
             return Err(Refusal::Old);
         }
         if self.emergency {
@@ -32,6 +32,9 @@ impl Vehicle {
         }
         if self.is_disarmed {
             return Err(Refusal::Disarmed);
+        }
+        if self.held {
+            return Err(Refusal::Held);
         }
         let Some((at, telemetry)) = self.telemetry else { return Err(Refusal::NoPose) };
         if now.since(at) > SILENT_AFTER {

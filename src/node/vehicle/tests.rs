@@ -12,7 +12,7 @@ const LEASE: Lease = Lease { number: 3, holder: 50 };
 fn telemetry(x_m: f64, speed_mps: f64, sd_m: f64) -> In {
     let pose = Pose { at: Point::new(x_m, 0.0), heading: Angle::default(), sd_m };
     let motion = if speed_mps > 0.0 { Motion::Driving } else { Motion::Resting };
-    In::Telemetry(Telemetry { pose, speed_mps, battery: 1.0, motion })
+    In::Telemetry(Telemetry { pose, speed_mps, battery: 1.0, motion, is_armed: true })
 }
 
 fn at(time_s: f64) -> Time {
@@ -295,7 +295,7 @@ fn an_emergency_holds_and_disarms_once_at_rest_and_a_start_arms() {
             disarmed.push((tenth, fly));
         }
     }
-    assert_eq!(disarmed, [(8, Fly::Disarm)]);
+    assert_eq!(disarmed, [(4, Fly::Stop), (8, Fly::Disarm)], "it brakes still after 0.3 s");
     let out = told(&mut vehicle, 3.1, In::Order(order(OrderKind::Start, lease, 2, 1)));
     assert_eq!(flown(&out), [Fly::Arm]);
 }
@@ -336,4 +336,64 @@ fn off_plan_a_vehicle_stops_for_a_peer_that_drives_into_its_way_and_on_plan_it_d
         let separation = Some(Refusal::Separation(VehicleId(2)));
         assert_eq!(refusal(&out), separation.filter(|_| yields));
     }
+}
+
+fn moving(x_m: f64, speed_mps: f64, is_armed: bool) -> In {
+    match telemetry(x_m, speed_mps, 0.05) {
+        In::Telemetry(telemetry) => In::Telemetry(Telemetry { is_armed, ..telemetry }),
+        other => other,
+    }
+}
+
+#[test]
+fn an_order_to_stop_brakes_at_once_and_what_was_decided_before_it_is_not_driven() {
+    let decided = |time_s: f64| match drive(&[(0.5, 0.0), (3.0, 0.0)]) {
+        In::Command(_, command) => In::Command(at(time_s), command),
+        other => other,
+    };
+    for (kind, before, after) in [
+        (OrderKind::Hold, Refusal::Old, Some(Refusal::Held)),
+        (OrderKind::Land, Refusal::Old, Some(Refusal::Held)),
+        (OrderKind::Return, Refusal::Old, None),
+    ] {
+        let mut vehicle = vehicle();
+        told(&mut vehicle, 1.0, drive(&[(0.0, 0.0), (3.0, 0.0)]));
+        told(&mut vehicle, 2.0, telemetry(0.5, 0.5, 0.05));
+        let out = told(&mut vehicle, 2.1, In::Order(order(kind, LEASE, 1, 1)));
+        assert!(stops(&out) && obeyed(&out), "{kind:?}: without a word of the mission");
+        assert_eq!(refusal(&told(&mut vehicle, 2.2, decided(2.0))), Some(before), "{kind:?}");
+        assert_eq!(refusal(&told(&mut vehicle, 2.3, decided(2.2))), after, "{kind:?}");
+        told(&mut vehicle, 2.4, In::Order(order(OrderKind::Start, LEASE, 2, 1)));
+        assert!(flies(&told(&mut vehicle, 2.5, decided(2.45))), "{kind:?}, then a start");
+    }
+}
+
+#[test]
+fn a_stop_that_was_lost_is_said_again_until_the_vehicle_rests() {
+    for kind in [OrderKind::Emergency, OrderKind::Hold, OrderKind::Land] {
+        let mut vehicle = vehicle();
+        told(&mut vehicle, 1.0, drive(&[(0.0, 0.0), (9.0, 0.0)]));
+        told(&mut vehicle, 2.0, In::Order(order(kind, LEASE, 1, 1)));
+        let said = |vehicle: &mut Vehicle, tenth: u32, speed_mps: f64| {
+            stops(&told(vehicle, 2.0 + 0.1 * f64::from(tenth), moving(0.5, speed_mps, true)))
+        };
+        let again: Vec<u32> = (1..=10).filter(|tenth| said(&mut vehicle, *tenth, 0.5)).collect();
+        assert!((3..=4).contains(&again.len()), "a few times a second: {again:?}");
+        assert!(!(11..=20).any(|tenth| said(&mut vehicle, tenth, 0.0)), "it rests");
+    }
+}
+
+#[test]
+fn a_disarming_that_was_lost_is_said_again_until_telemetry_shows_it() {
+    let mut vehicle = vehicle();
+    told(&mut vehicle, 2.0, In::Order(order(OrderKind::CutMotors, LEASE, 1, 1)));
+    let said = |vehicle: &mut Vehicle, tenth: u32, is_armed: bool| {
+        let out = told(vehicle, 2.0 + 0.1 * f64::from(tenth), moving(0.0, 0.0, is_armed));
+        flown(&out).contains(&Fly::Disarm)
+    };
+    let again: Vec<u32> = (1..=10).filter(|tenth| said(&mut vehicle, *tenth, true)).collect();
+    assert!((3..=4).contains(&again.len()), "{again:?}");
+    assert!(!(11..=20).any(|tenth| said(&mut vehicle, tenth, false)), "it is disarmed");
+    told(&mut vehicle, 4.1, In::Order(order(OrderKind::Start, LEASE, 2, 11)));
+    assert!(!(22..=30).any(|tenth| said(&mut vehicle, tenth, true)), "it was armed again");
 }

@@ -17,6 +17,8 @@ pub struct Telemetry {
     pub battery: f64,
     /// Whether and how the body moves.
     pub motion: Motion,
+    /// Whether the motors have current.
+    pub is_armed: bool,
 }
 
 /// Whether and how a body moves.
@@ -121,6 +123,8 @@ pub enum Refusal {
     Emergency,
     /// The motors are cut, until a start.
     Disarmed,
-    /// The command was decided too long ago.
+    /// The command was decided too long ago, or before an order that stopped the vehicle.
     Old,
+    /// An order to hold or to land stands, until a start or a return.
+    Held,
 }

@@ -133,7 +133,7 @@ mod tests {
 
     fn telemetry(x_m: f64, speed_mps: f64) -> In {
         let pose = Pose { at: Point::new(x_m, -0.0), heading: Angle::default(), sd_m: 0.1 };
-        In::Telemetry(Telemetry { pose, speed_mps, battery: 1.0, motion: Motion::Driving })
+        In::Telemetry(Telemetry { pose, speed_mps, battery: 1.0, motion: Motion::Driving, is_armed: true })
     }
 
     fn step(cause: Cause<In>) -> Step<In, Out> {
