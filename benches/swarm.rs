@@ -29,7 +29,8 @@ use tomoswarm::run::bus::{Bus, BusSettings, Heard, Mouth, Topology};
 use tomoswarm::run::clock::Clock;
 use tomoswarm::run::desk::{Desk, Office, Post, Troubles, seat};
 use tomoswarm_proto::{
-    Boot, LayerId, Lease, Message, Order, OrderKind, Revision, RunId, Sender, TileAddress, TileReport, VehicleId,
+    Boot, LayerId, Lease, Message, Order, OrderKind, Revision, RunId, Sender, TileAddress, TileReport,
+    VehicleId,
 };
 
 const PROGRAM: &str = env!("CARGO_BIN_EXE_tomoswarm");
@@ -91,7 +92,8 @@ fn bus(join: Join, hear: impl Fn(Heard) + Send + Sync + 'static) -> Bus {
 /// A tile that does not pack well, as noise would not.
 fn tile(vehicle: u8, number: u32) -> Message {
     let layer = LayerId { vehicle: VehicleId(vehicle), boot: Boot(1) };
-    let cells = Arc::new(std::array::from_fn(|index| ((index as u32 * 7919 + number * 104_729) % 35) as i8 - 17));
+    let cells =
+        Arc::new(std::array::from_fn(|index| ((index as u32 * 7919 + number * 104_729) % 35) as i8 - 17));
     let address = TileAddress { slice: 0, x: (number % 64) as i32, y: (number / 64 % 64) as i32 };
     Message::Tile(TileReport { layer, address, revision: number, cells })
 }
@@ -102,7 +104,13 @@ const ORDERS: u32 = 150;
 fn emergency(egress_bytes_per_s: u32, what: &str) {
     let hub = free_address();
     let ground = bus(
-        Join { node: Sender::Ground, topology: Topology::Star, listen: vec![hub], connect: vec![], egress_bytes_per_s: 1_000_000 },
+        Join {
+            node: Sender::Ground,
+            topology: Topology::Star,
+            listen: vec![hub],
+            connect: vec![],
+            egress_bytes_per_s: 1_000_000,
+        },
         |_| {},
     );
     let is_over = Arc::new(AtomicBool::new(false));
@@ -114,12 +122,17 @@ fn emergency(egress_bytes_per_s: u32, what: &str) {
         let heard = Mutex::new(heard);
         let hear = move |what| {
             if let Heard::Message(_, Message::Order(order)) = what {
-                heard.lock().unwrap_or_else(PoisonError::into_inner).send((order.revision, Instant::now())).unwrap_or_default();
+                heard
+                    .lock()
+                    .unwrap_or_else(PoisonError::into_inner)
+                    .send((order.revision, Instant::now()))
+                    .unwrap_or_default();
             }
         };
         let node = Sender::Vehicle(VehicleId(id));
         let connect = vec![relay.address()];
-        let bus = bus(Join { node, topology: Topology::Star, listen: vec![], connect, egress_bytes_per_s }, hear);
+        let bus =
+            bus(Join { node, topology: Topology::Star, listen: vec![], connect, egress_bytes_per_s }, hear);
         floods.push(flood(bus.mouth(), id, is_over.clone()));
         buses.push(bus);
         relays.push(relay);
@@ -136,7 +149,12 @@ fn emergency(egress_bytes_per_s: u32, what: &str) {
     is_over.store(true, Ordering::Relaxed);
     floods.into_iter().for_each(|flood| flood.join().unwrap());
     let carried: u64 = relays.iter().map(Relay::carried).sum();
-    println!("\nemergency, {what}: {} of {} heard at once; relays carried {:.1} MB", spans.len(), ORDERS * u32::from(VEHICLES), carried as f64 / 1e6);
+    println!(
+        "\nemergency, {what}: {} of {} heard at once; relays carried {:.1} MB",
+        spans.len(),
+        ORDERS * u32::from(VEHICLES),
+        carried as f64 / 1e6
+    );
     print_row("order -> heard by the vehicle", &mut spans, 150.0);
 }
 
@@ -182,7 +200,8 @@ fn mapper(id: u8, listen: SocketAddr, connect: Vec<SocketAddr>) -> Mapper {
         Heard::Message(..) | Heard::Greeting(..) => {}
     };
     let node = Sender::Vehicle(VehicleId(id));
-    let join = Join { node, topology: Topology::Mesh, listen: vec![listen], connect, egress_bytes_per_s: 64_000 };
+    let join =
+        Join { node, topology: Topology::Mesh, listen: vec![listen], connect, egress_bytes_per_s: 64_000 };
     let bus = bus(join, hear);
     let (endings, _) = channel();
     let office = Office { clock: Clock::start(), troubles: Troubles::default(), endings };
@@ -222,7 +241,12 @@ fn partition() {
         let at = Point::new(f64::from(number % 10) * 6.4 + 1.0, f64::from(number / 10) * 6.4 + 1.0);
         let heading = Angle::from_degrees(f64::from(number * 37));
         let pose = Pose { at, heading, sd_m: 0.05 };
-        mapper.desk.tell(map::In::Scan(Scan { pose, beam: Angle::default(), range_m: Some(2.0), suspect: false }));
+        mapper.desk.tell(map::In::Scan(Scan {
+            pose,
+            beam: Angle::default(),
+            range_m: Some(2.0),
+            suspect: false,
+        }));
     };
     (0..20).for_each(|number| look(&one, number));
     assert!(within(Duration::from_secs(20), || lacking(&one, &two) == 0), "the maps are equal before");
@@ -239,7 +263,10 @@ fn partition() {
     relay.restore();
     let began = Instant::now();
     let is_equal = within(Duration::from_secs(30), || lacking(&one, &two) == 0);
-    println!("\npartition: 60 s apart, {missing} tiles behind; equal again: {is_equal}, after {:.2} s (wanted <= 3 s)", began.elapsed().as_secs_f64());
+    println!(
+        "\npartition: 60 s apart, {missing} tiles behind; equal again: {is_equal}, after {:.2} s (wanted <= 3 s)",
+        began.elapsed().as_secs_f64()
+    );
     one.desk.close();
     two.desk.close();
 }
@@ -302,19 +329,44 @@ struct Files {
 fn files(count: u8, topology: &str) -> Files {
     let folder = tempfile::tempdir().unwrap();
     let write = |name: &str, text: String| std::fs::write(folder.path().join(name), text).unwrap();
-    let homes: Vec<String> = (0..count).map(|id| format!("[{}, {}]", -3 - 2 * i32::from(id / 10), 2 * i32::from(id % 10))).collect();
-    write("venue.toml", format!("kind = \"venue\"\nname = \"bench\"\narea_m = [0, 0, 20, 20]\nfence_m = [[-40, -40], [40, -40], [40, 40], [-40, 40]]\nhomes_m = [{}]\n[datum]\nlatitude_deg = 52.0\nlongitude_deg = 4.0\n", homes.join(", ")));
+    let homes: Vec<String> = (0..count)
+        .map(|id| format!("[{}, {}]", -3 - 2 * i32::from(id / 10), 2 * i32::from(id % 10)))
+        .collect();
+    write(
+        "venue.toml",
+        format!(
+            "kind = \"venue\"\nname = \"bench\"\narea_m = [0, 0, 20, 20]\nfence_m = [[-40, -40], [40, -40], [40, 40], [-40, 40]]\nhomes_m = [{}]\n[datum]\nlatitude_deg = 52.0\nlongitude_deg = 4.0\n",
+            homes.join(", ")
+        ),
+    );
     write("scene.toml", "kind = \"scene\"\nname = \"bench\"\n".to_owned());
     let (world, ground) = (free_address(), free_address());
     let vehicles: BTreeMap<u8, SocketAddr> = (1..=count).map(|id| (id, free_address())).collect();
-    write("sim.toml", format!("kind = \"sim\"\nvenue = \"venue.toml\"\nscene = \"scene.toml\"\n[vehicles]\ncount = {count}\n"));
+    write(
+        "sim.toml",
+        format!(
+            "kind = \"sim\"\nvenue = \"venue.toml\"\nscene = \"scene.toml\"\n[vehicles]\ncount = {count}\n"
+        ),
+    );
     write("world", world.to_string());
     let ids: Vec<String> = vehicles.keys().map(u8::to_string).collect();
-    write("ground.toml", format!("kind = \"ground\"\nvenue = \"venue.toml\"\nvehicles = [{}]\nstate_dir = \"state-g\"\n[bus]\ntopology = \"{topology}\"\nlisten = [\"tcp/{ground}\"]\n", ids.join(", ")));
-    let drivers: String = ["autopilot", "range", "servo", "radio"].map(|part| format!("[{part}]\ndriver = \"sim\"\n")).concat();
+    write(
+        "ground.toml",
+        format!(
+            "kind = \"ground\"\nvenue = \"venue.toml\"\nvehicles = [{}]\nstate_dir = \"state-g\"\n[bus]\ntopology = \"{topology}\"\nlisten = [\"tcp/{ground}\"]\n",
+            ids.join(", ")
+        ),
+    );
+    let drivers: String =
+        ["autopilot", "range", "servo", "radio"].map(|part| format!("[{part}]\ndriver = \"sim\"\n")).concat();
     for (id, own) in &vehicles {
         let listen = if topology == "mesh" { format!("listen = [\"tcp/{own}\"]\n") } else { String::new() };
-        write(&format!("v{id}.toml"), format!("kind = \"vehicle\"\nvenue = \"venue.toml\"\nid = {id}\nstate_dir = \"state-{id}\"\n{drivers}[world]\nconnect = \"{world}\"\ntoken = \"bench-token\"\n[bus]\ntopology = \"{topology}\"\n{listen}connect = [\"tcp/{ground}\"]\n"));
+        write(
+            &format!("v{id}.toml"),
+            format!(
+                "kind = \"vehicle\"\nvenue = \"venue.toml\"\nid = {id}\nstate_dir = \"state-{id}\"\n{drivers}[world]\nconnect = \"{world}\"\ntoken = \"bench-token\"\n[bus]\ntopology = \"{topology}\"\n{listen}connect = [\"tcp/{ground}\"]\n"
+            ),
+        );
     }
     Files { folder, ground, vehicles }
 }
@@ -360,8 +412,11 @@ fn start() {
     let (_bus, heard) = listen(&files, Topology::Mesh);
     let mut spans = Vec::new();
     let folder = files.folder.path().to_owned();
-    let start = |id: u8, processes: &mut Processes| processes.start(&folder, &format!("v{id}"), &["vehicle", &format!("v{id}.toml")]);
-    let began: Vec<(u8, Instant)> = files.vehicles.keys().map(|id| (*id, start(*id, &mut processes))).collect();
+    let start = |id: u8, processes: &mut Processes| {
+        processes.start(&folder, &format!("v{id}"), &["vehicle", &format!("v{id}.toml")])
+    };
+    let began: Vec<(u8, Instant)> =
+        files.vehicles.keys().map(|id| (*id, start(*id, &mut processes))).collect();
     for (id, began) in began {
         spans.extend(first_heard(&heard, id, Boot(1), began));
     }
@@ -373,7 +428,10 @@ fn start() {
             spans.extend(first_heard(&heard, *id, Boot(boot), began));
         }
     }
-    println!("\nstart, in a mesh of 8 vehicles, ground and operator: {at_once} started at once, {} one by one (killed before)", spans.len() - at_once);
+    println!(
+        "\nstart, in a mesh of 8 vehicles, ground and operator: {at_once} started at once, {} one by one (killed before)",
+        spans.len() - at_once
+    );
     print_row("process start -> its State heard", &mut spans, 2000.0);
     std::thread::sleep(Duration::from_secs(5));
     use_of(&processes, 20);
@@ -397,16 +455,25 @@ fn use_of(processes: &Processes, seconds: u64) {
         let line = text.lines().find_map(|line| line.strip_prefix("VmRSS:")).unwrap_or_default().to_owned();
         line.split_whitespace().next().and_then(|word| word.parse::<f64>().ok()).unwrap_or(0.0)
     };
-    let before: BTreeMap<&String, u64> = processes.0.iter().map(|(name, child)| (name, ticks(child))).collect();
+    let before: BTreeMap<&String, u64> =
+        processes.0.iter().map(|(name, child)| (name, ticks(child))).collect();
     std::thread::sleep(Duration::from_secs(seconds));
     let is_vehicle = |name: &&String| name.starts_with('v');
     let share = |name: &String| (ticks(&processes.0[name]) - before[name]) as f64 / seconds as f64;
     let mut shares: Vec<f64> = processes.0.keys().filter(is_vehicle).map(share).collect();
-    let mut memory: Vec<f64> = processes.0.iter().filter(|(name, _)| is_vehicle(name)).map(|(_, child)| memory_kb(child) / 1e3).collect();
+    let mut memory: Vec<f64> = processes
+        .0
+        .iter()
+        .filter(|(name, _)| is_vehicle(name))
+        .map(|(_, child)| memory_kb(child) / 1e3)
+        .collect();
     shares.sort_by(f64::total_cmp);
     memory.sort_by(f64::total_cmp);
     let (middle, last) = (shares.len() / 2, shares.len() - 1);
-    println!("vehicle process at rest: median {:.2} %, most {:.2} % of one core (wanted <= 1 %); resident median {:.1} MB, most {:.1} MB (wanted < 40 MB)", shares[middle], shares[last], memory[middle], memory[last]);
+    println!(
+        "vehicle process at rest: median {:.2} %, most {:.2} % of one core (wanted <= 1 %); resident median {:.1} MB, most {:.1} MB (wanted < 40 MB)",
+        shares[middle], shares[last], memory[middle], memory[last]
+    );
     for name in ["ground", "world"] {
         let name = name.to_owned();
         println!("{name}: {:.2} % of one core, {:.1} MB", share(&name), memory_kb(&processes.0[&name]) / 1e3);
@@ -432,12 +499,24 @@ fn star(seconds: u64) {
         is_gone |= processes.0.values_mut().any(|child| child.try_wait().unwrap().is_some());
         std::thread::sleep(Duration::from_millis(50));
     }
-    println!("over {seconds} s: longest silence of any {:.2} s; a process ended: {is_gone}", worst.as_secs_f64());
+    println!(
+        "over {seconds} s: longest silence of any {:.2} s; a process ended: {is_gone}",
+        worst.as_secs_f64()
+    );
     use_of(&processes, 20);
 }
 
 fn print_row(what: &str, spans: &mut [Duration], wanted_ms: f64) {
     spans.sort();
-    let at = |share: f64| spans.get(((spans.len().max(1) - 1) as f64 * share) as usize).map_or(f64::NAN, |span| span.as_secs_f64() * 1e3);
-    println!("{what:34} median {:7.1} ms, p99 {:7.1} ms, most {:7.1} ms (wanted p99 <= {wanted_ms} ms)", at(0.5), at(0.99), at(1.0));
+    let at = |share: f64| {
+        spans
+            .get(((spans.len().max(1) - 1) as f64 * share) as usize)
+            .map_or(f64::NAN, |span| span.as_secs_f64() * 1e3)
+    };
+    println!(
+        "{what:34} median {:7.1} ms, p99 {:7.1} ms, most {:7.1} ms (wanted p99 <= {wanted_ms} ms)",
+        at(0.5),
+        at(0.99),
+        at(1.0)
+    );
 }
