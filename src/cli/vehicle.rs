@@ -108,7 +108,7 @@ pub(super) fn folder_is_passing(error: &StateDirError) -> bool {
                 | ErrorKind::AlreadyExists
                 | ErrorKind::ReadOnlyFilesystem
         ),
-        StateDirError::InUse { .. } => true,
+        StateDirError::InUse { .. } | StateDirError::NoChance(_) => true,
         StateDirError::Count { .. } => false,
     }
 }

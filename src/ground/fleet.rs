@@ -38,7 +38,7 @@ pub struct Member {
     pub state: Option<(Time, State)>,
     /// Its newest progress.
     pub progress: Option<Progress>,
-    /// When it was last heard.
+    /// When it last said its state. Progress alone is no sign of life: it comes on when the autopilot is silent.
     pub heard_at: Option<Time>,
     /// What was dealt with it.
     pub dealings: Dealings,
@@ -109,20 +109,15 @@ impl Fleet {
         self.members().filter(|(_, member)| member.dealings.is_lost).map(|(id, _)| id).collect()
     }
 
-    /// Gives the vehicles that have not been heard yet, ascending.
+    /// Gives the vehicles that are waited for and have not been heard yet, ascending.
     pub fn unheard(&self) -> Vec<VehicleId> {
-        self.members().filter(|(_, member)| member.state.is_none()).map(|(id, _)| id).collect()
+        let is_unheard = |member: &Member| member.state.is_none() && !member.dealings.is_lost;
+        self.members().filter(|(_, member)| is_unheard(member)).map(|(id, _)| id).collect()
     }
 
     /// Gives by which right orders and plans are given.
     pub fn lease(&self) -> Lease {
         self.lease
-    }
-
-    /// Gives the number of the newest state of a vehicle; 0 when none was heard.
-    pub fn seen_state(&self, vehicle: VehicleId) -> u64 {
-        let state = self.members.get(&vehicle).and_then(|member| member.state.as_ref());
-        state.map_or(0, |(_, state)| state.sequence)
     }
 
     /// Takes a state; older ones and those of strangers change nothing.
@@ -134,19 +129,21 @@ impl Fleet {
         if is_old || member.dealings.boot.is_some_and(|boot| state.boot < boot) {
             return Shown::default();
         }
-        let mut shown = member.hear(now, state.boot);
-        shown.started = member.dealings.take_echo(state.ordered, lease);
+        let mut shown = member.hear(state.boot);
+        member.heard_at = Some(now);
+        shown.found = std::mem::take(&mut member.dealings.is_lost);
+        shown.started = member.dealings.take_echo(state.ordered, state.accepted.0, lease);
         member.state = Some((now, state));
         shown
     }
 
     /// Takes a progress; one of an older start of the software, or a lower revision of the same run, changes nothing.
-    pub fn heard_progress(&mut self, now: Time, progress: Progress) -> Shown {
+    pub fn heard_progress(&mut self, progress: Progress) -> Shown {
         let Some(member) = self.members.get_mut(&progress.vehicle) else { return Shown::default() };
         if member.dealings.boot.is_some_and(|boot| progress.boot < boot) {
             return Shown::default();
         }
-        let mut shown = member.hear(now, progress.boot);
+        let mut shown = member.hear(progress.boot);
         let key = |progress: &Progress| (progress.run, progress.revision, progress.done);
         let before = member.progress.as_ref().map(key);
         if before <= Some(key(&progress)) {
@@ -166,11 +163,6 @@ impl Fleet {
     pub fn newest_state(&self, vehicle: VehicleId) -> u64 {
         let state = self.members.get(&vehicle).and_then(|member| member.state.as_ref());
         state.map_or(0, |(_, state)| state.sequence)
-    }
-
-    /// Tells whether every vehicle has been heard.
-    pub fn is_complete(&self) -> bool {
-        self.members.values().all(|member| member.state.is_some())
     }
 
     /// Tells whether it is known where every vehicle is that is not lost.
@@ -209,10 +201,19 @@ impl Fleet {
         }
     }
 
-    /// Orders something of every vehicle, above whatever it has obeyed before.
+    /// Orders what the operator wishes of every vehicle, above whatever it has obeyed before.
     pub fn order_all(&mut self, run: RunId, kind: OrderKind) {
         for (vehicle, member) in &mut self.members {
             member.dealings.order(*vehicle, self.lease, run, kind);
+        }
+    }
+
+    /// Starts every vehicle for which nothing stands: what somebody has stopped, lost or not, only somebody starts.
+    pub fn start_all(&mut self, run: RunId) {
+        for (vehicle, member) in
+            self.members.iter_mut().filter(|(_, member)| member.dealings.stands.is_none())
+        {
+            member.dealings.order(*vehicle, self.lease, run, OrderKind::Start);
         }
     }
 
@@ -226,7 +227,7 @@ impl Fleet {
         self.members.values().filter_map(order).collect()
     }
 
-    /// Gives whom nobody has heard for `after`, although another vehicle was heard within `others`; they are lost from
+    /// Gives who has not said its state for `after`, although another vehicle was heard within `others`; they are lost from
     /// now on.
     pub fn lose(&mut self, now: Time, after: Duration, others: Duration) -> Vec<VehicleId> {
         let within = |member: &Member, span| member.heard_at.is_some_and(|at| now.since(at) <= span);
@@ -242,6 +243,18 @@ impl Fleet {
         lost
     }
 
+    /// Counts those as lost who have not been heard at all, silent since `since`; gives them.
+    pub fn lose_unheard(&mut self, since: Time) -> Vec<VehicleId> {
+        let unheard = self.unheard();
+        for vehicle in &unheard {
+            if let Some(member) = self.members.get_mut(vehicle) {
+                member.dealings.is_lost = true;
+                member.heard_at.get_or_insert(since);
+            }
+        }
+        unheard
+    }
+
     /// Counts silence from now on, for those who were heard before this station was started.
     pub fn count_silence_from(&mut self, now: Time) {
         for member in self.members.values_mut().filter(|member| member.dealings.boot.is_some()) {
@@ -251,12 +264,10 @@ impl Fleet {
 }
 
 impl Member {
-    /// It is there: gives whether it was lost, and whether its software was started anew.
-    fn hear(&mut self, now: Time, boot: Boot) -> Shown {
-        self.heard_at = Some(now);
+    /// Gives whether its software was started anew.
+    fn hear(&mut self, boot: Boot) -> Shown {
         let known = self.dealings.boot.replace(boot);
-        let found = std::mem::take(&mut self.dealings.is_lost);
-        Shown { restarted: known.is_some_and(|known| known < boot), found, ..Shown::default() }
+        Shown { restarted: known.is_some_and(|known| known < boot), ..Shown::default() }
     }
 }
 
@@ -274,9 +285,10 @@ impl Dealings {
         self.stands = if kind == OrderKind::Start { None } else { self.stands.max(Some(kind)) };
     }
 
-    /// Takes what a vehicle says it was ordered; gives the run that somebody else has started it for, by a right not
-    /// below `lease` or while the station was listening.
-    fn take_echo(&mut self, echo: Ordered, lease: Lease) -> Option<RunId> {
+    /// Takes what a vehicle says it was ordered; gives the run that somebody else has started it for. Of what was
+    /// ordered before anything was heard of it, only a run whose plans it has not `accepted` counts, by a right not
+    /// below `lease`.
+    fn take_echo(&mut self, echo: Ordered, accepted: RunId, lease: Lease) -> Option<RunId> {
         let known = self.echo.replace(echo);
         let kind = echo.kind.filter(|_| known != Some(echo))?;
         let of = |order: &Order| (order.lease, order.revision);
@@ -296,7 +308,7 @@ impl Dealings {
             self.issued = None;
         }
         self.stand(kind);
-        let is_fresh = known.is_some() || echo.lease >= lease;
+        let is_fresh = known.is_some() || (echo.lease >= lease && accepted < echo.run);
         (kind == OrderKind::Start && is_fresh).then_some(echo.run)
     }
 }
@@ -345,7 +357,7 @@ mod tests {
     fn old_states_and_strangers_change_nothing() {
         let mut fleet = Fleet::new(&[ONE], Lease::default());
         fleet.heard_state(Time::ZERO, State { vehicle: VehicleId(8), ..state(1, 0, None) });
-        assert!(!fleet.is_complete());
+        assert_eq!(fleet.unheard(), [ONE]);
         fleet.heard_state(Time::ZERO, state(9, 0, None));
         fleet.heard_state(Time::ZERO, state(4, 0, None));
         let (_, member) = fleet.members().next().unwrap();
@@ -404,7 +416,7 @@ mod tests {
             fleet.lose(at(40), after, others).is_empty(),
             "nobody is heard: the ground itself is cut off"
         );
-        fleet.heard_progress(at(41), Progress { vehicle: two, boot: Boot(1), ..Progress::default() });
+        fleet.heard_state(at(41), State { vehicle: two, ..state(2, 0, None) });
         assert_eq!(fleet.lose(at(42), after, others), [ONE]);
         assert_eq!(fleet.lose(at(42), after, others), []);
         assert_eq!((fleet.present(), fleet.lost()), (vec![two], vec![ONE]));
@@ -419,8 +431,54 @@ mod tests {
         assert!(!fleet.heard_state(Time::ZERO, state(100, 0, None)).restarted);
         assert!(fleet.heard_state(Time::ZERO, State { boot: Boot(2), ..state(1, 0, None) }).restarted);
         let old = Progress { vehicle: ONE, boot: Boot(1), run: RunId(1), ..Progress::default() };
-        assert_eq!(fleet.heard_progress(Time::ZERO, old), Shown::default());
-        assert!(fleet.heard_progress(Time::ZERO, Progress { boot: Boot(2), ..old }).got_on);
-        assert!(fleet.heard_progress(Time::ZERO, Progress { boot: Boot(3), ..old }).restarted);
+        assert_eq!(fleet.heard_progress(old), Shown::default());
+        assert!(fleet.heard_progress(Progress { boot: Boot(2), ..old }).got_on);
+        assert!(fleet.heard_progress(Progress { boot: Boot(3), ..old }).restarted);
+    }
+
+    #[test]
+    fn progress_alone_keeps_nobody_from_being_lost_and_finds_nobody() {
+        let two = VehicleId(2);
+        let (after, others) = (Duration::from_secs(30), Duration::from_secs(2));
+        let at = |seconds| Time::ZERO + Duration::from_secs(seconds);
+        let mut fleet = Fleet::new(&[ONE, two], LEASE);
+        fleet.heard_state(at(0), state(1, 0, None));
+        for second in 0..40 {
+            fleet.heard_state(at(second), State { vehicle: two, ..state(second + 1, 0, None) });
+            fleet.heard_progress(Progress { vehicle: ONE, boot: Boot(1), ..Progress::default() });
+            let lost = fleet.lose(at(second), after, others);
+            assert_eq!(lost, if second == 31 { vec![ONE] } else { vec![] }, "{second}");
+        }
+        assert_eq!(fleet.lost(), [ONE]);
+    }
+
+    #[test]
+    fn the_station_does_not_start_a_lost_one_that_was_stopped() {
+        let two = VehicleId(2);
+        let mut fleet = Fleet::new(&[ONE, two], LEASE);
+        heard(&mut fleet, 1, 1, OrderKind::Emergency);
+        fleet.heard_state(Time::ZERO, State { vehicle: two, ..state(1, 0, None) });
+        let later = Time::ZERO + Duration::from_secs(40);
+        fleet.heard_state(later, State { vehicle: two, ..state(2, 0, None) });
+        assert_eq!(fleet.lose(later, Duration::from_secs(30), Duration::from_secs(2)), [ONE]);
+        assert_eq!(fleet.standing(), None, "who is lost stops nobody");
+        fleet.start_all(RunId(1));
+        let ordered =
+            |fleet: &Fleet| fleet.open_orders().iter().map(|order| order.vehicle).collect::<Vec<_>>();
+        assert_eq!(ordered(&fleet), [two]);
+        assert!(heard(&mut fleet, 2, 1, OrderKind::Emergency).found);
+        assert_eq!((fleet.standing(), ordered(&fleet)), (Some(OrderKind::Emergency), vec![two]));
+        heard(&mut fleet, 3, 2, OrderKind::Start);
+        assert_eq!(fleet.standing(), None);
+    }
+
+    #[test]
+    fn of_what_was_ordered_before_anything_was_heard_only_what_was_not_driven_counts() {
+        for (accepted, started) in [(0, Some(RunId(1))), (1, None), (2, None)] {
+            let mut fleet = Fleet::new(&[ONE], Lease::default());
+            let old =
+                State { accepted: (RunId(accepted), Revision(7)), ..state(1, 3, Some(OrderKind::Start)) };
+            assert_eq!(fleet.heard_state(Time::ZERO, old).started, started, "{accepted}");
+        }
     }
 }

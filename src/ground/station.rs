@@ -108,6 +108,8 @@ pub struct Station {
     phase: Phase,
     succession: Option<Succession>,
     wished: Option<Wished>,
+    /// Since when the wished sweep waits for those who have not been heard.
+    wished_at: Time,
     /// The highest run that was ever wished.
     newest_run: RunId,
     /// What was ordered and not ended by a Start; the strongest since nothing stood.
@@ -131,8 +133,8 @@ pub struct Station {
     pictures: u32,
     /// Last pictures of runs that are not made yet, and the run that each is compared with.
     due: Vec<(PictureName, Option<RunId>)>,
-    /// Whether those pictures must be asked for again: the station was started anew.
-    due_again: bool,
+    /// When they were asked for last; `None` = the station was started anew since.
+    due_asked_at: Option<Time>,
     /// Messages of vehicles that are not expected.
     strangers: u64,
     remembered: Option<Brief>,
@@ -156,6 +158,7 @@ impl Station {
             phase: Phase::Idle,
             succession: None,
             wished: None,
+            wished_at: Time::ZERO,
             newest_run: RunId::default(),
             standing: None,
             closed: BTreeSet::new(),
@@ -169,12 +172,22 @@ impl Station {
             turn: 0,
             pictures: 0,
             due: Vec::new(),
-            due_again: false,
+            due_asked_at: None,
             strangers: 0,
             remembered: None,
         };
         station.remembered = Some(station.brief());
         station
+    }
+
+    /// Takes up which runs there were, when nothing else is remembered: none of them is begun again by an old order.
+    pub fn recall_runs(&mut self, runs: impl IntoIterator<Item = (RunId, bool)>) {
+        for (run, is_closed) in runs {
+            self.newest_run = self.newest_run.max(run);
+            if is_closed {
+                self.closed.insert(run);
+            }
+        }
     }
 
     /// Gives the fleet table.
@@ -228,7 +241,7 @@ impl Station {
         let shown = self.fleet.heard_state(now, state);
         self.shown(vehicle, shown, out);
         if let Some(run) = shown.started.filter(|run| *run > self.newest_run) {
-            self.want(run, self.compare_with.filter(|empty| *empty != run));
+            self.want(now, run, self.compare_with.filter(|empty| *empty != run));
         }
         let change = self.leases.heard(now, lease);
         self.lease_changed(now, change, out);
@@ -239,7 +252,7 @@ impl Station {
         if !self.knows(progress.vehicle) {
             return;
         }
-        let shown = self.fleet.heard_progress(now, progress);
+        let shown = self.fleet.heard_progress(progress);
         self.shown(progress.vehicle, shown, out);
         if shown.got_on {
             self.got_on_at = now;
@@ -298,14 +311,14 @@ impl Station {
                 }
             }
             Wish::Sweep { run, empty } => {
-                self.want(run, empty);
+                self.want(now, run, empty);
                 self.begin(now, out);
             }
         }
     }
 
-    fn want(&mut self, run: RunId, empty: Option<RunId>) {
-        self.wished = Some((run, empty));
+    fn want(&mut self, now: Time, run: RunId, empty: Option<RunId>) {
+        (self.wished, self.wished_at) = (Some((run, empty)), now);
         self.newest_run = self.newest_run.max(run);
     }
 
@@ -377,7 +390,7 @@ impl Station {
         self.look_after_plans(now, out);
         self.look_after_laps(now, out);
         self.close(now, out);
-        self.ask_again_for_pictures(out);
+        self.ask_again_for_pictures(now, out);
     }
 
     /// Who does not hold the lease says nothing but its report, and what it remembers and notes.

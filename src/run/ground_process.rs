@@ -2,20 +2,22 @@
 //! asked to stop.
 //!
 //! What must not be lost is stored before it is an event: samples reach the station once they are in the store, and what
-//! the station needs after a restart is stored before what follows from it is published. A store in trouble stops
-//! nothing: samples are not acknowledged meanwhile, so the vehicles keep them.
+//! the station needs after a restart is stored before what follows from it is published; only for that the station
+//! waits. Everything else is stored by a thread of its own ([`keeper`]).
 
-use std::collections::{BTreeMap, BTreeSet};
+mod archive;
+mod keeper;
+mod utc;
+
+use std::collections::BTreeSet;
 use std::path::Path;
-use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, sync_channel};
+use std::sync::mpsc::{SyncSender, sync_channel};
 use std::sync::{Arc, Mutex};
-use std::thread::JoinHandle;
-use std::time::{Duration, SystemTime};
 
-use tomoswarm_proto::{
-    Boot, LayerId, Message, Report, RunId, Samples, Sender, TileAddress, TileReport, VehicleId, codec,
-};
+use tomoswarm_proto::{Boot, Message, Report, RunId, Sender, VehicleId, codec};
 
+use self::archive::Archive;
+use self::keeper::{Wanted, keeper};
 use super::bus::{BusError, Mouth};
 use super::desk::{Troubles, lock};
 use super::ground::{Desks, Makers, seat_all};
@@ -31,21 +33,11 @@ use crate::ground::from_config::{GroundParts, PartsError, ground_parts};
 use crate::ground::station::{self, Memory, Note, Station};
 use crate::ground::{Effect, Event};
 use crate::store::StoreError;
-use crate::store::ground::{GroundStore, Restored, Start, UtcOffset};
+use crate::store::ground::{GroundStore, Restored, Start};
 use crate::time::Time;
 
 /// Batches and tiles that may wait for the store.
 const QUEUE: usize = 4096;
-/// Samples are stored in groups, a group at least this often.
-const GROUP: Duration = Duration::from_millis(50);
-/// Batches of one group at most.
-const GROUP_MOST: usize = 256;
-/// Tiles are stored this often.
-const TILES_EVERY: Duration = Duration::from_secs(2);
-/// A clock's estimate counts as better by this much, seconds.
-const CLOCK_STEP_S: f64 = 0.05;
-/// Deviation of such an estimate: how long a sample may be on its way, seconds.
-const CLOCK_ERROR_S: f64 = 0.5;
 
 /// Why the ground station's process cannot begin.
 #[derive(Debug, thiserror::Error)]
@@ -84,15 +76,6 @@ pub struct Status {
     pub troubles: Vec<String>,
 }
 
-/// What waits for the store.
-enum Wanted {
-    Samples(Samples),
-    Tile(TileReport),
-    Software(VehicleId, Boot, String),
-    /// Nothing more: what came before is stored, and the thread ends.
-    End,
-}
-
 /// Runs the ground station until it is asked to stop or cannot go on; `text` and `venue_text` are its files, kept with
 /// the data. `status` is called once a second.
 ///
@@ -119,25 +102,18 @@ pub fn run(
     let bus = membership::bus_settings(Sender::Ground, &file.venue, &file.bus, access);
     let desks = Desks::default();
     let (to_store, wanted) = sync_channel(QUEUE);
-    let told = desks.clone();
-    let by_bus = to_store.clone();
-    let own: BTreeSet<VehicleId> = file.vehicles.iter().copied().collect();
-    let hear = move |sender, message| {
-        if is_of_swarm(&own, sender, &message) {
-            take(&told, &by_bus, sender, message);
-        }
-    };
-    let mut herald = process.join(bus, hello, hear)?;
+    let ear = Ear { desks: desks.clone(), store: to_store.clone(), expected: expected(file) };
+    let mut herald = process.join(bus, hello, move |sender, message| ear.take(sender, message))?;
     let troubles = process.office().troubles.clone();
     let edge = Arc::new(Edge {
         mouth: herald.mouth(),
-        store: Mutex::new(store),
+        archive: Arc::new(Archive::new(store, troubles.clone())),
         troubles: troubles.clone(),
-        plans: Mutex::default(),
         compare_with: file.compare_with,
         report: Mutex::default(),
     });
-    let keeper = keeper(edge.clone(), desks.clone(), wanted)?;
+    let told = desks.clone();
+    let keeper = keeper(edge.archive.clone(), wanted, move |message| told.tell(Event::Bus(message)))?;
     let lattice = crate::geom::Lattice::new(file.venue.cell_m);
     let recorder = recorder(file.record, &state_dir, "ground", text, lattice);
     let of_actors = edge.clone();
@@ -151,12 +127,11 @@ pub fn run(
     let finish = process.keep(&mut herald, is_stopped, &|now| desks.busy_for(now), &mut tick);
     desks.close();
     herald.close();
+    // Who panicked has said so already.
+    threads.into_iter().for_each(|thread| drop(thread.join()));
     // The bus's ear lives as long as anyone holds its mouth, so the queue never ends by itself.
     to_store.send(Wanted::End).unwrap_or_default();
-    for thread in threads.into_iter().chain([keeper]) {
-        // Who panicked has said so already.
-        let _ = thread.join();
-    }
+    let _ = keeper.join();
     Ok(finish)
 }
 
@@ -164,7 +139,7 @@ pub fn run(
 fn makers(file: &GroundFile, boot: Boot, holder: u64, store: &GroundStore) -> Result<Makers, GroundError> {
     let GroundParts { station, planner, imager } = ground_parts(file, boot, holder, store.id())?;
     let restored = store.resume()?;
-    let mut first = Some(resume(station.clone(), restored));
+    let mut first = Some(resume(station.clone(), restored, &expected(file)));
     let mut imager = Some(imager);
     let again = file.clone();
     let id = store.id();
@@ -180,7 +155,18 @@ fn makers(file: &GroundFile, boot: Boot, holder: u64, store: &GroundStore) -> Re
     })
 }
 
-fn resume(settings: station::StationSettings, restored: Restored) -> Station {
+fn expected(file: &GroundFile) -> BTreeSet<VehicleId> {
+    file.vehicles.iter().copied().collect()
+}
+
+/// What was stored of vehicles that are not expected any more stays in the store, and is passed over.
+fn resume(
+    settings: station::StationSettings,
+    mut restored: Restored,
+    expected: &BTreeSet<VehicleId>,
+) -> Station {
+    restored.samples.retain(|batch| expected.contains(&batch.vehicle));
+    restored.tiles.retain(|tile| expected.contains(&tile.layer.vehicle));
     if let Some(version) = &restored.foreign_memory {
         tracing::warn!("the run was left by version {version}: it is not gone on with, its data are kept");
     }
@@ -202,6 +188,7 @@ fn resume(settings: station::StationSettings, restored: Restored) -> Station {
         return Station::resume(settings, memory, restored.samples, restored.tiles);
     }
     let mut station = Station::new(settings);
+    station.recall_runs(restored.runs.iter().map(|run| (run.run, run.closed_utc_s.is_some())));
     let samples = restored.samples.into_iter().map(Message::Samples);
     for message in samples.chain(restored.tiles.into_iter().map(Message::Tile)) {
         // Nothing that is stored can stop a station, and nothing that it says of it is news.
@@ -210,49 +197,59 @@ fn resume(settings: station::StationSettings, restored: Restored) -> Station {
     station
 }
 
-/// Tells whether a message is by and about vehicles that the file names: of others nothing is kept.
-fn is_of_swarm(own: &BTreeSet<VehicleId>, sender: Sender, message: &Message) -> bool {
-    let is_own = match sender {
-        Sender::Vehicle(vehicle) => own.contains(&vehicle),
-        Sender::Ground | Sender::Operator => true,
-    };
-    let about = if let Message::Tile(tile) = message { Some(tile.layer.vehicle) } else { None };
-    is_own && about.is_none_or(|vehicle| own.contains(&vehicle))
+/// Takes what the bus delivers.
+struct Ear {
+    desks: Desks,
+    store: SyncSender<Wanted>,
+    expected: BTreeSet<VehicleId>,
 }
 
-/// Takes a message from the bus: samples and what else is stored first go to the store.
-fn take(desks: &Desks, store: &SyncSender<Wanted>, sender: Sender, message: Message) {
-    match message {
-        // When the store cannot keep pace a batch is dropped: its vehicle repeats it.
-        Message::Samples(batch) => drop(store.try_send(Wanted::Samples(batch))),
-        Message::Hello(hello) => {
-            if let Sender::Vehicle(vehicle) = sender {
-                drop(store.try_send(Wanted::Software(vehicle, hello.boot, hello.software)));
+impl Ear {
+    /// Tells whether a message is by and about vehicles that the file names: of others nothing is kept.
+    fn is_of_swarm(&self, sender: Sender, message: &Message) -> bool {
+        let is_own = match sender {
+            Sender::Vehicle(vehicle) => self.expected.contains(&vehicle),
+            Sender::Ground | Sender::Operator => true,
+        };
+        let about = if let Message::Tile(tile) = message { Some(tile.layer.vehicle) } else { None };
+        is_own && about.is_none_or(|vehicle| self.expected.contains(&vehicle))
+    }
+
+    /// Samples and what else is stored first go to the store, but nothing of strangers.
+    fn take(&self, sender: Sender, message: Message) {
+        if !self.is_of_swarm(sender, &message) {
+            return;
+        }
+        match message {
+            // When the store cannot keep pace a batch is dropped: its vehicle repeats it.
+            Message::Samples(batch) => drop(self.store.try_send(Wanted::Samples(batch))),
+            Message::Hello(hello) => {
+                if let Sender::Vehicle(vehicle) = sender {
+                    drop(self.store.try_send(Wanted::Software(vehicle, hello.boot, hello.software)));
+                }
             }
+            Message::Tile(report) => {
+                drop(self.store.try_send(Wanted::Tile(report.clone())));
+                self.desks.tell(Event::Bus(Message::Tile(report)));
+            }
+            Message::State(_)
+            | Message::Digest(_)
+            | Message::Want(_)
+            | Message::Plan(_)
+            | Message::Progress(_)
+            | Message::Order(_)
+            | Message::Have(_)
+            | Message::Beacon(_)
+            | Message::Health(_)
+            | Message::Report(_) => self.desks.tell(Event::Bus(message)),
         }
-        Message::Tile(report) => {
-            drop(store.try_send(Wanted::Tile(report.clone())));
-            desks.tell(Event::Bus(Message::Tile(report)));
-        }
-        Message::State(_)
-        | Message::Digest(_)
-        | Message::Want(_)
-        | Message::Plan(_)
-        | Message::Progress(_)
-        | Message::Order(_)
-        | Message::Have(_)
-        | Message::Beacon(_)
-        | Message::Health(_)
-        | Message::Report(_) => desks.tell(Event::Bus(message)),
     }
 }
 
 struct Edge {
     mouth: Mouth,
-    store: Mutex<GroundStore>,
+    archive: Arc<Archive>,
     troubles: Troubles,
-    /// The newest edition of each plan that is stored.
-    plans: Mutex<BTreeMap<VehicleId, (RunId, u32)>>,
     compare_with: Option<RunId>,
     report: Mutex<Option<Report>>,
 }
@@ -262,163 +259,71 @@ impl Edge {
         match effect {
             Effect::Publish(message) => self.publish(message),
             Effect::Remember(memory) => match codec::pack(&*memory) {
-                Ok(bytes) => self.write("memory", |store| store.remember(&bytes)),
+                Ok(bytes) => self.archive.remember(bytes),
                 Err(error) => self.troubles.raise("memory", error.to_string()),
             },
             Effect::Picture(picture) => {
                 if let Err(reason) = &picture.result {
                     tracing::warn!("no {:?} picture of run {}: {reason}", picture.subject, picture.run);
                 }
-                self.write("store", |store| store.keep_picture(&picture));
+                self.archive.hold_picture(picture);
             }
             Effect::Note(note) => self.note(&note),
         }
     }
 
     fn publish(&self, message: Message) {
-        match &message {
+        match message {
             Message::Plan(plan) => {
-                let edition = (plan.run, plan.revision.0);
-                let known = lock(&self.plans).insert(plan.vehicle, edition);
-                if known != Some(edition) {
-                    self.write("store", |store| store.keep_plan(plan));
-                }
+                self.archive.hold_plan(&plan);
+                self.mouth.publish(&Message::Plan(plan));
             }
             Message::Report(report) => {
-                let report = Report { troubles: short(self.troubles.list()), ..report.clone() };
+                let report = with_troubles(report, self.troubles.list());
                 self.mouth.publish(&Message::Report(report.clone()));
                 *lock(&self.report) = Some(report);
-                return;
             }
-            _ => {}
+            Message::State(_)
+            | Message::Digest(_)
+            | Message::Want(_)
+            | Message::Progress(_)
+            | Message::Order(_)
+            | Message::Have(_)
+            | Message::Beacon(_)
+            | Message::Health(_)
+            | Message::Samples(_)
+            | Message::Hello(_)
+            | Message::Tile(_) => self.mouth.publish(&message),
         }
-        self.mouth.publish(&message);
     }
 
     fn note(&self, note: &Note) {
         tracing::info!("{note:?}");
         match note {
             Note::Planned { run, .. } => {
-                let empty = self.compare_with.filter(|empty| empty != run);
-                self.write("store", |store| store.note_run(*run, empty));
+                self.archive.hold_run(*run, self.compare_with.filter(|empty| empty != run));
             }
-            Note::RunClosed { run, .. } => self.write("store", |store| store.close_run(*run)),
-            _ => {}
-        }
-    }
-
-    fn write(&self, what: &str, write: impl FnOnce(&mut GroundStore) -> Result<(), StoreError>) {
-        match write(&mut lock(&self.store)) {
-            Ok(()) => self.troubles.clear(what),
-            Err(error) => self.troubles.raise(what, error.to_string()),
+            Note::RunClosed { run, .. } => self.archive.hold_end(*run),
+            Note::NoPlan(_)
+            | Note::Replans(_)
+            | Note::Waits(_)
+            | Note::Lost(_)
+            | Note::Found(_)
+            | Note::Restarted(_)
+            | Note::Leads(_)
+            | Note::StandsBy(_)
+            | Note::Overtaken(_)
+            | Note::Stalled(_)
+            | Note::LapDone { .. } => {}
         }
     }
 }
 
-/// Starts the thread that stores samples and tiles, and tells the station of samples once they are stored.
-fn keeper(edge: Arc<Edge>, desks: Desks, wanted: Receiver<Wanted>) -> std::io::Result<JoinHandle<()>> {
-    let keep = move || {
-        let mut keeper = Keeper {
-            edge,
-            desks,
-            tiles: BTreeMap::new(),
-            tiles_at: SystemTime::now(),
-            clocks: BTreeMap::new(),
-        };
-        loop {
-            let first = match wanted.recv_timeout(GROUP) {
-                Ok(first) => Some(first),
-                Err(RecvTimeoutError::Timeout) => None,
-                Err(RecvTimeoutError::Disconnected) => break,
-            };
-            let group: Vec<Wanted> = first.into_iter().chain(wanted.try_iter().take(GROUP_MOST)).collect();
-            let is_end = group.iter().any(|wanted| matches!(wanted, Wanted::End));
-            keeper.keep(group);
-            if is_end {
-                break;
-            }
-        }
-        keeper.keep_tiles();
-    };
-    std::thread::Builder::new().name("store".to_owned()).spawn(keep)
+/// Adds what is wrong with the process to what the station says of itself.
+fn with_troubles(report: Report, of_process: Vec<String>) -> Report {
+    let troubles = short(report.troubles.iter().cloned().chain(of_process).collect());
+    Report { troubles, ..report }
 }
 
-struct Keeper {
-    edge: Arc<Edge>,
-    desks: Desks,
-    /// Tiles not stored yet, the newest of each.
-    tiles: BTreeMap<(LayerId, TileAddress), TileReport>,
-    tiles_at: SystemTime,
-    /// The best estimate of each vehicle's clock: UTC when it showed zero, seconds.
-    clocks: BTreeMap<(VehicleId, Boot), f64>,
-}
-
-impl Keeper {
-    fn keep(&mut self, group: Vec<Wanted>) {
-        let mut batches = Vec::new();
-        for wanted in group {
-            match wanted {
-                Wanted::Samples(batch) => {
-                    self.set_clock(&batch);
-                    batches.push(batch);
-                }
-                Wanted::Tile(tile) => self.hold(tile),
-                Wanted::Software(vehicle, boot, software) => {
-                    self.edge
-                        .write("store", |store| store.note_vehicle(vehicle, boot, Some(&software), None));
-                }
-                Wanted::End => {}
-            }
-        }
-        if !batches.is_empty() {
-            self.keep_samples(batches);
-        }
-        if self.tiles_at.elapsed().map_or(true, |age| age >= TILES_EVERY) {
-            self.tiles_at = SystemTime::now();
-            self.keep_tiles();
-        }
-    }
-
-    fn keep_samples(&mut self, batches: Vec<Samples>) {
-        let taken = lock(&self.edge.store).take(&batches);
-        match taken {
-            Ok(_) => {
-                self.edge.troubles.clear("samples");
-                for batch in batches {
-                    self.desks.tell(Event::Bus(Message::Samples(batch)));
-                }
-            }
-            // Not acknowledged: their vehicles repeat them.
-            Err(error) => self.edge.troubles.raise("samples", error.to_string()),
-        }
-    }
-
-    fn hold(&mut self, tile: TileReport) {
-        let key = (tile.layer, tile.address);
-        if self.tiles.get(&key).is_none_or(|known| known.revision <= tile.revision) {
-            self.tiles.insert(key, tile);
-        }
-    }
-
-    fn keep_tiles(&mut self) {
-        if self.tiles.is_empty() {
-            return;
-        }
-        let tiles = std::mem::take(&mut self.tiles);
-        self.edge.write("tiles", |store| store.keep_tiles(tiles.values()));
-    }
-
-    /// Estimates how a vehicle's clock stands to UTC: the newest sample of a batch was heard just before it came.
-    fn set_clock(&mut self, batch: &Samples) {
-        let Some(newest) = batch.samples.iter().map(|sample| sample.heard_at_ns).max() else { return };
-        let Ok(utc) = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH) else { return };
-        let offset_s = utc.as_secs_f64() - newest as f64 * 1e-9;
-        let source = (batch.vehicle, batch.boot);
-        if self.clocks.get(&source).is_some_and(|known| *known < offset_s + CLOCK_STEP_S) {
-            return;
-        }
-        self.clocks.insert(source, offset_s);
-        let clock = Some(UtcOffset { offset_s, error_s: CLOCK_ERROR_S });
-        self.edge.write("store", |store| store.note_vehicle(batch.vehicle, batch.boot, None, clock));
-    }
-}
+#[cfg(test)]
+mod tests;

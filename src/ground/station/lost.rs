@@ -58,6 +58,13 @@ impl Station {
         stops && self.fleet.present().len() < FEWEST.min(self.fleet.len())
     }
 
+    /// Tells whether enough vehicles have been heard that a sweep is worth beginning.
+    pub(super) fn has_enough(&self) -> bool {
+        let heard =
+            self.fleet.members().filter(|(_, member)| member.state.is_some() && !member.dealings.is_lost);
+        heard.count() >= FEWEST
+    }
+
     /// Tells whether whoever was dropped surely stands still; see the module's page.
     fn lost_ones_rest(&self, now: Time) -> bool {
         let rests_after = self.lost_after.max(self.autonomy + ENDS_LEG);

@@ -109,7 +109,7 @@ impl Station {
         station.standing = brief.standing;
         station.closed = brief.closed.into_iter().collect();
         (station.last, station.stalled, station.disturbed) = (brief.last, brief.stalled, brief.disturbed);
-        (station.pictures, station.due, station.due_again) = (brief.pictures, brief.due, true);
+        (station.pictures, station.due) = (brief.pictures, brief.due);
         samples.into_iter().for_each(|batch| {
             station.samples.take(&batch);
         });
@@ -152,7 +152,7 @@ impl Station {
 
     /// Goes on after a time without a lease, or after a restart: nothing was heard or driven wrongly meanwhile.
     pub(super) fn count_from(&mut self, now: Time) {
-        (self.planned_at, self.got_on_at) = (now, now);
+        (self.planned_at, self.got_on_at, self.wished_at) = (now, now, now);
         self.fleet.count_silence_from(now);
         match &mut self.phase {
             // The answer was not heard, or came too late.

@@ -19,6 +19,10 @@ const PLAN_EVERY: Duration = Duration::from_secs(5);
 const SHOWN_PLAN_EVERY: Duration = Duration::from_secs(60);
 /// A revision that somebody does not follow after this long is replaced.
 const ADOPTED_WITHIN: Duration = Duration::from_secs(30);
+/// Plans that did not come after so long are asked for again.
+const ANSWERED_WITHIN: Duration = Duration::from_secs(30);
+/// Last pictures that did not come after so long are asked for again.
+const PICTURED_WITHIN: Duration = Duration::from_secs(120);
 /// When no vehicle has done a stop for so long, everyone is planned for anew; the second time, given up.
 const STALLED_AFTER: Duration = Duration::from_secs(420);
 /// Time for the last samples to come in after the last stop.
@@ -27,10 +31,18 @@ const CLOSING: Duration = Duration::from_secs(3);
 const CLOSING_MAX: Duration = Duration::from_secs(60);
 
 impl Station {
-    /// Begins a wished sweep once every vehicle has been heard and none is under way.
+    /// Begins a wished sweep once every vehicle has been heard and none is under way; who is not heard at all for long
+    /// is lost, when enough others are there.
     pub(super) fn begin(&mut self, now: Time, out: &mut Vec<Out>) {
         let is_free = matches!(self.phase, Phase::Idle) && self.standing.is_none() && self.leases.holds();
-        if !is_free || !self.fleet.is_complete() {
+        if !is_free || self.wished.is_none() {
+            return;
+        }
+        if now.since(self.wished_at) > self.lost_after && self.has_enough() {
+            let lost = self.fleet.lose_unheard(self.wished_at);
+            out.extend(lost.into_iter().map(|vehicle| Out::Note(Note::Lost(vehicle))));
+        }
+        if !self.fleet.are_placed() {
             return;
         }
         let Some((run, empty)) = self.wished.take() else { return };
@@ -65,7 +77,7 @@ impl Station {
             succession.set_members(&self.fleet.present());
             succession.stop();
         }
-        self.fleet.order_all(sweep.run, OrderKind::Start);
+        self.fleet.start_all(sweep.run);
         self.phase = Phase::Stopping(sweep);
         (self.planned_at, self.disturbed) = (now, false);
         self.publish_plans(now, out);
@@ -94,7 +106,7 @@ impl Station {
     }
 
     /// Asks for plans from where the vehicles rest now.
-    fn ask(&mut self, sweep: Sweep, out: &mut Vec<Out>) {
+    fn ask(&mut self, now: Time, sweep: Sweep, out: &mut Vec<Out>) {
         let Some(succession) = &self.succession else { return };
         let place = |(id, member): (VehicleId, &Member)| {
             let (_, state) = member.state.as_ref()?;
@@ -105,6 +117,7 @@ impl Station {
         let (run, revision, first_lap) = (sweep.run, succession.next_revision(), sweep.laps_done);
         out.push(Out::Ask(Request { run, revision, places, first_lap }));
         self.phase = Phase::Planning(Sweep { laps_before: sweep.laps_done, ..sweep });
+        self.planned_at = now;
     }
 
     pub(super) fn planned(&mut self, now: Time, answer: Answer, out: &mut Vec<Out>) {
@@ -161,7 +174,12 @@ impl Station {
             }
             Phase::Stopping(sweep) if is_free && self.may_plan(now) => {
                 let sweep = *sweep;
-                self.ask(sweep, out);
+                self.ask(now, sweep, out);
+            }
+            // The request or the answer was lost.
+            Phase::Planning(sweep) if is_free && now.since(self.planned_at) > ANSWERED_WITHIN => {
+                let sweep = *sweep;
+                self.ask(now, sweep, out);
             }
             Phase::Stopping(sweep)
                 if is_free && !self.waits_for_more() && now.since(self.planned_at) > STALLED_AFTER =>
@@ -252,6 +270,7 @@ impl Station {
             out.push(Out::Reconstruct(self.last_job(due)));
             self.due.push(due);
         }
+        self.due_asked_at = Some(now);
         self.closed.insert(run);
         self.last = Some(sweep);
         self.phase = Phase::Idle;
@@ -273,9 +292,10 @@ impl Station {
         self.due.retain(|(name, _)| *name != made);
     }
 
-    /// After a restart, the pictures that were due are asked for once more.
-    pub(super) fn ask_again_for_pictures(&mut self, out: &mut Vec<Out>) {
-        if std::mem::take(&mut self.due_again) {
+    /// Pictures that are due are asked for again after a restart, and when they do not come.
+    pub(super) fn ask_again_for_pictures(&mut self, now: Time, out: &mut Vec<Out>) {
+        if self.due_asked_at.is_none_or(|at| now.since(at) > PICTURED_WITHIN) {
+            self.due_asked_at = Some(now);
             out.extend(self.due.iter().map(|due| Out::Reconstruct(self.last_job(*due))));
         }
     }

@@ -599,6 +599,85 @@ fn a_resumed_station_leads_above_every_echo() {
     assert_eq!(swarm.report().lease, Lease { number: 2, holder: 1 });
 }
 
+#[test]
+fn a_vehicle_that_is_never_heard_does_not_keep_the_others_waiting() {
+    let mut swarm = Swarm::sweeping(3);
+    swarm.rovers[2].is_dead = true;
+    swarm.seconds(29);
+    assert_eq!(swarm.report().phase, StationPhase::Waiting);
+    assert!(swarm.until(10, |note| *note == Note::Lost(VehicleId(3))), "{:?}", swarm.notes);
+    swarm.seconds(60);
+    assert_eq!(swarm.report().members, [1, 2].map(VehicleId));
+    swarm.rovers[2].switch_on();
+    assert!(swarm.is_closed(600), "{:?}", swarm.notes);
+    assert!(!swarm.rovers[2].kept.is_empty(), "it has joined in");
+    let mut alone = Swarm::sweeping(3);
+    alone.rovers[1].is_dead = true;
+    alone.rovers[2].is_dead = true;
+    alone.seconds(200);
+    assert_eq!(alone.report().phase, StationPhase::Waiting, "one alone measures nothing");
+}
+
+#[test]
+fn a_lost_vehicle_that_was_stopped_comes_back_stopped() {
+    let mut swarm = Swarm::sweeping(4);
+    swarm.seconds(30);
+    let revision = Revision(swarm.rovers[1].ordered.revision.0 + 1);
+    let (vehicle, lease, kind) = (VehicleId(2), LEASE, OrderKind::Emergency);
+    swarm.rovers[1].obey(&Order { vehicle, lease, run: RUN, revision, seen_state: 0, kind });
+    swarm.seconds(2);
+    swarm.rovers[1].is_cut = true;
+    assert!(swarm.until(60, |note| *note == Note::Lost(vehicle)), "{:?}", swarm.notes);
+    swarm.seconds(60);
+    assert_eq!((swarm.report().standing, swarm.report().members.len()), (None, 3), "the others go on");
+    swarm.rovers[1].is_cut = false;
+    swarm.seconds(20);
+    assert_eq!(swarm.rovers[1].ordered.kind, Some(OrderKind::Emergency));
+    assert_eq!(swarm.report().standing, Some(OrderKind::Emergency));
+}
+
+#[test]
+fn plans_and_pictures_that_get_lost_are_asked_for_again() {
+    let mut swarm = Swarm::sweeping(3);
+    while swarm.answers.is_empty() {
+        swarm.second(usize::MAX);
+    }
+    swarm.answers.clear();
+    swarm.seconds(32);
+    assert!(swarm.until(5, |note| matches!(note, Note::Planned { .. })), "{:?}", swarm.notes);
+    assert!(swarm.is_closed(400), "{:?}", swarm.notes);
+    assert_eq!((swarm.answers.len(), swarm.count(|note| matches!(note, Note::Replans(_)))), (1, 0));
+    swarm.answers.clear();
+    swarm.seconds(119);
+    assert_eq!(swarm.jobs.len(), 1);
+    swarm.seconds(5);
+    assert_eq!((swarm.jobs.len(), swarm.last_jobs().len(), swarm.report().pictures), (2, 1, 1));
+    swarm.seconds(200);
+    assert_eq!(swarm.jobs.len(), 2, "it was made");
+}
+
+#[test]
+fn a_ground_with_an_empty_disk_begins_no_sweep_that_was_driven_long_ago() {
+    let fresh = StationSettings { lease: None, holder: 5, ..settings(3) };
+    for is_known in [false, true] {
+        let mut swarm = Swarm::sweeping(3);
+        assert!(swarm.is_closed(400));
+        let lease = swarm.rovers[0].ordered.lease;
+        if is_known {
+            // A vehicle that was started anew has forgotten what it drove, but the store has not.
+            swarm.rovers[1].follower = Follower::new(VehicleId(2), swarm.rovers[1].at, 0.5);
+        }
+        swarm.station = Station::new(fresh.clone());
+        if is_known {
+            swarm.station.recall_runs([(RUN, true)]);
+        }
+        (swarm.up_s, swarm.notes) = (0, Vec::new());
+        swarm.seconds(60);
+        assert_eq!((swarm.report().phase, swarm.report().run), (StationPhase::Idle, RunId::default()));
+        assert!(swarm.rovers.iter().all(|rover| rover.ordered.lease == lease), "nobody was ordered anything");
+    }
+}
+
 /// A pure draw below `limit`.
 fn draw(seed: u64, second: u64, purpose: u64, limit: u64) -> u64 {
     let mut state =

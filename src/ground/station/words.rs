@@ -145,6 +145,10 @@ pub enum Key {
     Progress(VehicleId),
     /// A tile of a layer.
     Tile(LayerId, TileAddress),
+    /// Plans.
+    Planned,
+    /// That a picture was made.
+    Pictured(PictureName),
 }
 
 impl Input for In {
@@ -155,7 +159,9 @@ impl Input for In {
             In::Bus(Message::State(state)) => Class::Latest(Key::State(state.vehicle)),
             In::Bus(Message::Progress(progress)) => Class::Latest(Key::Progress(progress.vehicle)),
             In::Bus(Message::Tile(report)) => Class::Latest(Key::Tile(report.layer, report.address)),
-            In::Bus(_) | In::Wish(_) | In::Planned(_) | In::Pictured(_) => Class::Queue,
+            In::Planned(_) => Class::Latest(Key::Planned),
+            In::Pictured(name) => Class::Latest(Key::Pictured(*name)),
+            In::Bus(_) | In::Wish(_) => Class::Queue,
         }
     }
 

@@ -74,6 +74,7 @@ pub struct Director {
     store_path: PathBuf,
     store: Option<GroundStore>,
     script: Script,
+    venue_hash: u64,
     homes: BTreeMap<VehicleId, Point>,
     until: Time,
     roll: Roll,
@@ -110,6 +111,7 @@ impl Director {
             store_path,
             store: None,
             script: scenario.script()?,
+            venue_hash: sim.venue.hash(),
             homes,
             roll: Roll::default(),
             begun: None,
@@ -283,6 +285,7 @@ impl Director {
             possible: all,
             run,
             take_over: false,
+            venue_hash: self.venue_hash,
             holder,
             timeout: OBEYED_WITHIN,
         };
@@ -434,6 +437,7 @@ fn undone(outcome: &Ordered) -> String {
         Fate::Overruled(_) => Some(format!("vehicle {id} was ordered something else")),
         Fate::Ignored => Some(format!("vehicle {id} does not obey")),
         Fate::Unheard => Some(format!("vehicle {id} is not heard")),
+        Fate::Foreign(_) => Some(format!("vehicle {id} is of another venue or version")),
     };
     let all: Vec<String> = outcome.fates.iter().filter_map(words).collect();
     if all.is_empty() { "nobody is heard".to_owned() } else { all.join("; ") }

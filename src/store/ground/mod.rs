@@ -27,6 +27,8 @@ pub use reading::{Provenance, Restored, StoredImage, StoredRun, StoredSample};
 
 /// How long another program may hold the file.
 const BUSY: Duration = Duration::from_secs(3);
+/// Starts of one vehicle whose clocks are known, the newest; samples of older ones get no UTC.
+const CLOCKS_MOST: usize = 64;
 /// The program's own version.
 const SOFTWARE: &str = env!("CARGO_PKG_VERSION");
 
@@ -215,23 +217,24 @@ impl GroundStore {
         })
     }
 
-    /// Stores a plan, in place of an earlier one of the same run, revision and vehicle.
+    /// Stores plans, each in place of an earlier one of the same run, revision and vehicle.
     ///
     /// # Errors
-    /// [`StoreError`].
-    pub fn keep_plan(&mut self, plan: &Plan) -> Result<(), StoreError> {
+    /// [`StoreError`]: none of them is stored.
+    pub fn keep_plans<'a>(&mut self, plans: impl IntoIterator<Item = &'a Plan>) -> Result<(), StoreError> {
         self.write(|transaction| {
-            transaction.execute(
-                "INSERT OR REPLACE INTO plans VALUES (?, ?, ?, ?, ?, ?)",
-                params![
+            let mut statement =
+                transaction.prepare_cached("INSERT OR REPLACE INTO plans VALUES (?, ?, ?, ?, ?, ?)")?;
+            for plan in plans {
+                statement.execute(params![
                     plan.run.0,
                     plan.revision.0,
                     plan.vehicle.0,
                     plan.lease.number,
                     hex(plan.lease.holder),
                     json!(plan).to_string()
-                ],
-            )?;
+                ])?;
+            }
             Ok(())
         })
     }
@@ -328,6 +331,12 @@ impl GroundStore {
         })?;
         if let Some(clock) = clock {
             self.clocks.insert((vehicle, boot), clock);
+            let of_vehicle = (vehicle, Boot(0))..=(vehicle, boot);
+            if self.clocks.range(of_vehicle.clone()).count() > CLOCKS_MOST
+                && let Some(oldest) = self.clocks.range(of_vehicle).next().map(|(source, _)| *source)
+            {
+                self.clocks.remove(&oldest);
+            }
         }
         Ok(())
     }

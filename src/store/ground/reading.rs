@@ -33,6 +33,8 @@ pub struct Restored {
     pub tiles: Vec<TileReport>,
     /// How many pictures there are.
     pub pictures: u32,
+    /// All runs, ascending.
+    pub runs: Vec<StoredRun>,
 }
 
 /// How a store came about: one of its starts.
@@ -138,7 +140,8 @@ impl GroundStore {
         })?;
         let pictures = self
             .read(|store| store.connection.query_row("SELECT count(*) FROM images", [], |row| row.get(0)))?;
-        Ok(Restored { store: self.id, memory, foreign_memory, samples, tiles: self.tiles()?, pictures })
+        let (tiles, runs) = (self.tiles()?, self.runs()?);
+        Ok(Restored { store: self.id, memory, foreign_memory, samples, tiles, pictures, runs })
     }
 
     /// Gives what the station remembered, if this version can read it.

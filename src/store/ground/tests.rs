@@ -98,8 +98,8 @@ fn plans_runs_clocks_memory_and_pictures_come_back() {
     store.take(&[batch(1, 2, 0..2)]).unwrap();
     store.close_run(RunId(2)).unwrap();
     let plan = Plan { run: RunId(2), lease: Lease { number: 1, holder: u64::MAX }, ..Plan::default() };
-    store.keep_plan(&plan).unwrap();
-    store.keep_plan(&plan).unwrap();
+    store.keep_plans([&plan, &plan]).unwrap();
+    store.keep_plans([&plan]).unwrap();
     store.remember(b"first").unwrap();
     store.remember(b"second").unwrap();
     for laps in [1, 2] {
@@ -109,7 +109,7 @@ fn plans_runs_clocks_memory_and_pictures_come_back() {
     let mut store = GroundStore::open(&path_in(&folder), &START).unwrap();
     let restored = store.resume().unwrap();
     assert_eq!((restored.memory.as_deref(), restored.pictures), (Some(&b"second"[..]), 2));
-    let run = store.runs().unwrap()[0];
+    let run = restored.runs[0];
     assert_eq!((run.run, run.empty, run.closed_utc_s.is_some()), (RunId(2), Some(RunId(1)), true));
     store.take(&[batch(1, 2, 2..3)]).unwrap();
     store

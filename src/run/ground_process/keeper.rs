@@ -1,0 +1,115 @@
+//! The thread that stores samples and all that the station does not wait for, and tells the station of samples once they
+//! are stored. Its groups are small, so that the station's memory never waits long for the store.
+
+use std::sync::Arc;
+use std::sync::mpsc::{Receiver, RecvTimeoutError};
+use std::thread::JoinHandle;
+use std::time::{Duration, Instant, SystemTime};
+
+use tomoswarm_proto::{Boot, Message, Samples, TileReport, VehicleId};
+
+use super::archive::Archive;
+use super::utc::Clocks;
+
+/// Samples are stored in groups, a group at least this often.
+const GROUP: Duration = Duration::from_millis(50);
+/// Batches of one group at most.
+const GROUP_MOST: usize = 32;
+/// Samples that are written at once, unless one batch has more: about 20 ms.
+const SAMPLES_MOST: usize = 2000;
+/// Tiles are stored this often, and what could not be stored is tried again.
+const EVERY: Duration = Duration::from_secs(2);
+
+/// What waits for the store.
+pub(super) enum Wanted {
+    Samples(Samples),
+    Tile(TileReport),
+    Software(VehicleId, Boot, String),
+    /// Nothing more: what came before is stored, and the thread ends.
+    End,
+}
+
+/// Starts the thread; `tell` reaches the station.
+pub(super) fn keeper(
+    archive: Arc<Archive>,
+    wanted: Receiver<Wanted>,
+    tell: impl Fn(Message) + Send + 'static,
+) -> std::io::Result<JoinHandle<()>> {
+    let keep = move || {
+        let began = Instant::now();
+        let mut keeper =
+            Keeper { archive, tell, began, tried: began, is_well: true, clocks: Clocks::default() };
+        loop {
+            let first = match wanted.recv_timeout(GROUP) {
+                Ok(first) => Some(first),
+                Err(RecvTimeoutError::Timeout) => None,
+                Err(RecvTimeoutError::Disconnected) => break,
+            };
+            let group: Vec<Wanted> = first.into_iter().chain(wanted.try_iter().take(GROUP_MOST)).collect();
+            let is_end = group.iter().any(|wanted| matches!(wanted, Wanted::End));
+            keeper.keep(group);
+            if is_end {
+                break;
+            }
+        }
+        keeper.archive.keep(true);
+    };
+    std::thread::Builder::new().name("store".to_owned()).spawn(keep)
+}
+
+struct Keeper<T> {
+    archive: Arc<Archive>,
+    tell: T,
+    began: Instant,
+    /// When everything was tried last.
+    tried: Instant,
+    is_well: bool,
+    clocks: Clocks,
+}
+
+impl<T: Fn(Message)> Keeper<T> {
+    fn keep(&mut self, group: Vec<Wanted>) {
+        let mut batches: Vec<Samples> = Vec::new();
+        for wanted in group {
+            match wanted {
+                Wanted::Samples(batch) => {
+                    self.set_clock(&batch);
+                    let count: usize = batches.iter().map(|batch| batch.samples.len()).sum();
+                    if count + batch.samples.len() > SAMPLES_MOST {
+                        self.keep_samples(std::mem::take(&mut batches));
+                    }
+                    batches.push(batch);
+                }
+                Wanted::Tile(tile) => self.archive.hold_tile(tile),
+                Wanted::Software(vehicle, boot, software) => {
+                    self.clocks.hear(vehicle, boot);
+                    self.archive.hold_software(vehicle, boot, software);
+                }
+                Wanted::End => {}
+            }
+        }
+        self.keep_samples(batches);
+        let is_due = self.tried.elapsed() >= EVERY;
+        // A store in trouble is not asked all the time.
+        if is_due || self.is_well {
+            self.is_well = self.archive.keep(is_due);
+        }
+        if is_due {
+            self.tried = Instant::now();
+        }
+    }
+
+    /// What cannot be stored is not acknowledged: its vehicles repeat it.
+    fn keep_samples(&self, batches: Vec<Samples>) {
+        if !batches.is_empty() && self.archive.keep_samples(&batches) {
+            batches.into_iter().for_each(|batch| (self.tell)(Message::Samples(batch)));
+        }
+    }
+
+    fn set_clock(&mut self, batch: &Samples) {
+        let Ok(utc) = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH) else { return };
+        if let Some(clock) = self.clocks.take(self.began.elapsed(), utc.as_secs_f64(), batch) {
+            self.archive.keep_clock(batch.vehicle, batch.boot, clock);
+        }
+    }
+}
