@@ -6,13 +6,15 @@
 //! and what must be remembered. It solves nothing and plans nothing itself.
 //!
 //! ```text
-//!   Idle ─Sweep wished, all heard─► Stopping ─all at rest─► Planning ─plans─► Running ─every stop done─► Closing
+//!   Idle ─Sweep wished, all heard*► Stopping ─all at rest─► Planning ─plans─► Running ─every stop done─► Closing
 //!    ▲                                 ▲ │ ▲                   │                 │                         │
 //!    │                   too few: waits└─┘ └───────────────────┴─────────────────┘                         │
 //!    │                                      a vehicle is lost, is back, was restarted,                     │
 //!    │                                      cannot begin, or nobody gets on                                │
 //!    └────────────────────────────────────────────── samples in ───────────────────────────────────────────┘
 //! ```
+//!
+//! (* or lost: who is not heard at all for long enough, when two are.)
 //!
 //! An order other than Start *stands* until the next Start, whoever gave it (the station sees in State what a vehicle
 //! was ordered): meanwhile whatever the phase, nothing is begun, planned or timed, and no Start is given. A Start seen

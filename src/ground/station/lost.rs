@@ -1,5 +1,7 @@
 //! Vehicles that fall silent, come back or are started anew while a sweep is under way: everyone else is stopped, and the
-//! sweep goes on with those that are there. The laps done stay done.
+//! sweep goes on with those that are there. The laps done stay done. Silent is who does not say its State, whatever else
+//! it says; who was never heard is waited for as long, and then lost. What somebody has stopped stays stopped when it
+//! comes back.
 //!
 //! **Why a vehicle may be dropped.** Who is no member of a newer revision is proven against by nobody, so it must stand
 //! still before others drive under new plans. Let D be dropped from revision r, all others being members of the empty

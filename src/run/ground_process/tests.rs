@@ -1,6 +1,6 @@
 //! What the ground's process says and stores, also when its disk is in trouble.
 
-use tomoswarm_proto::{Plan, Revision};
+use tomoswarm_proto::{Plan, Revision, Sample, Samples};
 
 use super::*;
 
@@ -77,4 +77,37 @@ fn software_is_noted_once_and_never_of_an_older_start() {
         .unwrap();
     assert!(say(4, "0.1.0") && say(3, "0.1.0"), "nothing is written");
     assert!(!say(5, "0.1.0"), "that is new");
+}
+
+#[test]
+fn what_strangers_have_sent_before_is_passed_over_after_a_restart() {
+    let settings = station::StationSettings {
+        vehicles: vec![VehicleId(1)],
+        lease: None,
+        holder: 1,
+        take_over: false,
+        boot: Boot(1),
+        compare_with: None,
+        lost_after: std::time::Duration::from_secs(30),
+        autonomy: std::time::Duration::from_secs(60),
+        store: 7,
+        lattice: crate::geom::Lattice::new(0.2),
+        bin_m: 0.5,
+        spot_m: 0.06,
+    };
+    let sample = Sample {
+        sequence: 0,
+        heard_at_ns: 0,
+        transmitter: VehicleId(9),
+        transmitter_pose: Default::default(),
+        receiver_pose: Default::default(),
+        channel: 11,
+        power_dbm: 0,
+        rssi_dbm: None,
+    };
+    let batch = |id| Samples { vehicle: VehicleId(id), boot: Boot(1), run: RunId(1), samples: vec![sample] };
+    let restored = Restored { samples: vec![batch(1), batch(2)], ..Restored::default() };
+    let station = resume(settings, restored, &BTreeSet::from([VehicleId(1)]));
+    assert_eq!(station.samples().count(RunId(1)), 1);
+    assert_eq!(station.samples().have(&BTreeSet::new(), 0).watermarks.len(), 1);
 }
