@@ -210,7 +210,8 @@ impl Joining {
             (true, true) => (ours_s > theirs.member_for_s, false),
         };
         let name = theirs.node;
-        if !stays && !(hesitates && now.since(first) < HESITATES) {
+        let waits = hesitates && now.since(first) < HESITATES;
+        if !stays && !waits {
             return Verdict::Refused(format!(
                 "{name} is on the bus already: another node runs under this id"
             ));
