@@ -491,7 +491,6 @@ mod tests {
     fn a_leaf_that_panics_begins_anew_and_says_so() {
         let (desk, heard, _, troubles, thread) = seated(Post::Leaf, 0);
         desk.tell(Told(13));
-        desk.tell(Told(2));
         assert!(heard.recv_timeout(Duration::from_millis(500)).is_err(), "it waits a second first");
         desk.tell(Told(3));
         assert_eq!(heard.recv_timeout(SOON), Ok(3));
