@@ -25,6 +25,8 @@ pub struct Dealings {
     pub is_pending: bool,
     /// What it said last that it was ordered.
     pub echo: Option<Ordered>,
+    /// The run that it had been started for before anything was heard of it, as long as it shows nothing else.
+    pub earlier: Option<RunId>,
     /// What it was ordered other than Start, by anyone, since its last Start; the strongest.
     pub stands: Option<OrderKind>,
     /// Whether it has been silent for too long while others were heard.
@@ -132,7 +134,8 @@ impl Fleet {
         let mut shown = member.hear(state.boot);
         member.heard_at = Some(now);
         shown.found = std::mem::take(&mut member.dealings.is_lost);
-        shown.started = member.dealings.take_echo(state.ordered, state.accepted.0, lease);
+        let started = member.dealings.take_echo(state.ordered, state.accepted.0, lease);
+        shown.started = started.or_else(|| member.dealings.under_way(&state));
         member.state = Some((now, state));
         shown
     }
@@ -308,8 +311,16 @@ impl Dealings {
             self.issued = None;
         }
         self.stand(kind);
+        let is_start = kind == OrderKind::Start;
         let is_fresh = known.is_some() || (echo.lease >= lease && accepted < echo.run);
-        (kind == OrderKind::Start && is_fresh).then_some(echo.run)
+        self.earlier = (is_start && !is_fresh && echo.lease >= lease).then_some(echo.run);
+        (is_start && is_fresh).then_some(echo.run)
+    }
+
+    /// Gives the run that a vehicle is in the middle of, though it was started before anything was heard of it: who
+    /// drives a leg has not come to the end of its plan.
+    fn under_way(&mut self, state: &State) -> Option<RunId> {
+        if state.leg.is_some() { self.earlier.take() } else { None }
     }
 }
 

@@ -69,6 +69,23 @@ impl Process {
         Herald::open(settings, own, &self.office, hear)
     }
 
+    /// Asks whether it may take part, until it does; gives how it ended if it may not, or was asked to stop meanwhile.
+    pub fn ask(&mut self, herald: &mut Herald, is_stopped: &dyn Fn() -> bool) -> Option<Finish> {
+        loop {
+            let next = herald.greet(self.office.clock.now());
+            if is_stopped() {
+                return Some(Finish::Asked);
+            }
+            if herald.is_member() {
+                return None;
+            }
+            let wait = next.since(self.office.clock.now()).min(LOOKS_EVERY);
+            if let Ok(ending) = self.endings.recv_timeout(wait) {
+                return Some(Finish::Ending(ending));
+            }
+        }
+    }
+
     /// Keeps the process going until it is asked to stop or cannot go on. `busy_for` gives how long the busiest vital
     /// actor has been acting; `tick` is called once a second.
     pub fn keep(

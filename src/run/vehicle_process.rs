@@ -172,6 +172,11 @@ pub fn run(
     let access = membership::access(node, &file.venue, &file.bus, Some(&state_dir))?;
     let bus = membership::bus_settings(node, &file.venue, &file.bus, access);
     let mut herald = process.join(bus, hello, move |_, message| told.tell(Event::Bus(message)))?;
+    // Nothing is driven by a node that may not take part.
+    if let Some(finish) = process.ask(&mut herald, is_stopped) {
+        herald.close();
+        return Ok(finish);
+    }
     let last = Arc::new(Mutex::<Last>::default());
     let world = link(file, &state_dir, desks.clone(), last.clone())?;
     let outbox = outbox(file, &state_dir, desks.clone())?;

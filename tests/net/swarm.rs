@@ -296,6 +296,11 @@ impl Swarm {
         let Size { vehicles, laps, .. } = self.size;
         let positions = self.positions();
         let sweep = format!("[sweep]\npositions = {positions}\nlaps = {laps}\n");
+        for id in 1..=vehicles {
+            // Starts are counted from 1 where the count is known to be 0.
+            std::fs::create_dir_all(self.path(&format!("state-{id}"))).unwrap();
+            self.write(&format!("state-{id}/boot"), "0\n");
+        }
         self.write("venue.toml", VENUE);
         self.write("scene.toml", SCENE);
         let body = BODY;
