@@ -5,6 +5,8 @@
 //! - a scan that calls for a halt → Hold handed to the autopilot's driver, while a search for a path and merging of
 //!   tiles keep the other actors busy on 1,000 × 1,000 cells.
 
+#![allow(clippy::disallowed_methods, reason = "a benchmark reads the clock and waits")]
+
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, Sender as Channel, channel};
 use std::sync::{Arc, Mutex, PoisonError};
