@@ -3,7 +3,7 @@
 //!
 //! What must not be lost is stored before it is an event: samples reach the station once they are in the store, and what
 //! the station needs after a restart is stored before what follows from it is published; only for that the station
-//! waits. Everything else is stored by a thread of its own ([`keeper`]).
+//! waits. Everything else is stored by a thread of its own (`keeper.rs`).
 
 mod archive;
 mod keeper;
