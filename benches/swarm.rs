@@ -356,7 +356,7 @@ fn files(count: u8, topology: &str) -> Files {
     write(
         "ground.toml",
         format!(
-            "kind = \"ground\"\nvenue = \"venue.toml\"\nvehicles = [{}]\nstate_dir = \"state-g\"\n[bus]\ntopology = \"{topology}\"\nlisten = [\"tcp/{ground}\"]\n",
+            "kind = \"ground\"\nvenue = \"venue.toml\"\nvehicles = [{}]\nstate_dir = \"state-g\"\n[sweep]\npositions = 220\n[bus]\ntopology = \"{topology}\"\nlisten = [\"tcp/{ground}\"]\n",
             ids.join(", ")
         ),
     );
