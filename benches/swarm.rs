@@ -342,6 +342,11 @@ fn files(count: u8, topology: &str) -> Files {
             homes.join(", ")
         ),
     );
+    for id in 1..=count {
+        // Starts are counted from 1 where the count is known to be 0.
+        std::fs::create_dir_all(folder.path().join(format!("state-{id}"))).unwrap();
+        write(&format!("state-{id}/boot"), "0\n".to_owned());
+    }
     write("scene.toml", "kind = \"scene\"\nname = \"bench\"\n".to_owned());
     let (world, ground) = (free_address(), free_address());
     let vehicles: BTreeMap<u8, SocketAddr> = (1..=count).map(|id| (id, free_address())).collect();
