@@ -463,8 +463,8 @@ impl Shared {
         self.sent_bytes.fetch_add(parcel.frame.len() as u64, Ordering::Relaxed);
         let (priority, is_express) = match parcel.class {
             Class::Urgent => (Priority::RealTime, true),
-            Class::High => (Priority::InteractiveHigh, true),
-            Class::Normal => (Priority::Data, true),
+            Class::High => (Priority::InteractiveHigh, false),
+            Class::Normal => (Priority::Data, false),
             Class::Low => (Priority::Background, false),
         };
         let key = format!("{}/{}", self.settings.prefix, parcel.key);
