@@ -114,6 +114,11 @@ impl<'t> Source<'t> {
         self.note(Class::Value, line, key, &value, wrong, allowed);
     }
 
+    /// Tells whether a key was read so far: given or left out.
+    pub(super) fn is_known(&self, key: &str) -> bool {
+        self.places.borrow().contains_key(key)
+    }
+
     /// Tells whether nothing is wrong with the given keys and what lies below them, so that a check
     /// of several values together makes sense.
     pub(super) fn is_sound(&self, keys: &[&str]) -> bool {

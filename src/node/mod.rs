@@ -22,5 +22,5 @@ mod vehicle_node;
 
 pub use acted::Acted;
 pub use route::{Effect, Event};
-pub use settings::{BodySettings, LookSettings, RadioSettings, SafetySettings, Settings};
+pub use settings::{BodySettings, LookSettings, RadioSettings, SafetySettings, Settings, Task};
 pub use vehicle_node::VehicleNode;

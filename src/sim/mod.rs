@@ -22,7 +22,7 @@ mod world;
 
 pub use entry::Entry;
 pub use kernel::Status;
-pub use outcome::{Counts, Found, Outcome};
+pub use outcome::{Counts, Found, Mission, Outcome};
 pub use scenario::{RunError, Scenario, ScenarioError};
 pub use script::{EMPTY_RUN, RUN};
 pub use world::{Collision, Stage, Touch};
