@@ -10,6 +10,7 @@ mod approach;
 mod error;
 mod fan;
 mod follower;
+mod pattern;
 mod precedence;
 #[cfg(test)]
 mod random_worlds;
@@ -23,6 +24,9 @@ mod verdict;
 pub use error::{PlanError, SweepError};
 pub use fan::{FanRequest, fan};
 pub use follower::Follower;
+pub use pattern::{
+    LatticePoint, MAX_PATTERN_SIZE, MIN_PATTERN_SIZE, Pattern, PatternError, PatternKind, square,
+};
 pub use precedence::{order_legs, tracks_of, validate};
 pub use ring::{MAX_POSITIONS, MIN_POSITIONS, Ring, Side};
 pub use rotating_gap::{GapRequest, default_laps, rotating_gap};
