@@ -17,11 +17,11 @@ mod choice;
 mod looks;
 mod visit;
 
-use std::collections::VecDeque;
+use std::collections::{BTreeSet, VecDeque};
 use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
-use tomoswarm_proto::{Mode, State};
+use tomoswarm_proto::{Mode, State, TileAddress, TileReport};
 
 use super::look::{Look, Next};
 use super::pilot::{Met, Pilot};
@@ -30,7 +30,7 @@ use crate::geom::{Cell, Point, Pose, Vector};
 use crate::node::peers::Peers;
 use crate::node::vehicle::Command;
 use crate::node::{Settings, Task};
-use crate::plan::{NoRoute, Rules};
+use crate::plan::{Frontiers, NoRoute, Rules};
 use crate::time::{Deadline, Time};
 
 use self::looks::Looks;
@@ -104,6 +104,12 @@ pub struct Errand {
     /// It has been told where ahead is.
     is_begun: bool,
     looks: Looks,
+    /// Where known free ground ends; made anew when it is lost.
+    #[serde(skip)]
+    frontiers: Option<Frontiers>,
+    /// Tiles that have changed since the frontiers were kept.
+    #[serde(skip)]
+    changed: BTreeSet<TileAddress>,
     /// What was looked at on the way to a place and never seen free.
     barred: Vec<Point>,
     /// Where something was in the way last, and how often since the vehicle has moved.
@@ -161,7 +167,9 @@ impl Errand {
             phase: Phase::Choosing { from: Time::ZERO },
             places,
             is_begun: false,
-            looks: Looks::default(),
+            looks: Looks::new(settings.lattice),
+            frontiers: None,
+            changed: BTreeSet::new(),
             barred: Vec::new(),
             blocked: (Point::default(), 0),
             waits: 0,
@@ -171,9 +179,11 @@ impl Errand {
         })
     }
 
-    /// Tells how it ended, if it has.
-    pub fn end(&self) -> Option<&End> {
-        self.end.as_ref()
+    /// Notes that a tile of the map has changed.
+    pub fn learn(&mut self, tile: &TileReport) {
+        if self.frontiers.is_some() {
+            self.changed.insert(tile.address);
+        }
     }
 
     /// Gives when to be asked again without any input.
@@ -325,7 +335,7 @@ impl Errand {
                 return self.finish(scene, End::Stopped(at));
             }
             Aim::Place(_) => self.note_barred(scene, at),
-            Aim::Sight(cell) => self.looks.note(cell),
+            Aim::Sight(cell) => self.looks.note(&[cell], place),
             Aim::Aside | Aim::Home => {}
         }
         let wait = if times > 1 { WAIT * times.min(TRIES_MAX) } else { self.settings.path_time };
