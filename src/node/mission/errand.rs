@@ -17,11 +17,11 @@ mod choice;
 mod looks;
 mod visit;
 
-use std::collections::{BTreeSet, VecDeque};
+use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
-use tomoswarm_proto::{Mode, State, TileAddress, TileReport};
+use tomoswarm_proto::{Mode, State, TileAddress, TileReport, VehicleId};
 
 use super::look::{Look, Next};
 use super::pilot::{Met, Pilot};
@@ -107,6 +107,8 @@ pub struct Errand {
     /// Where known free ground ends; made anew when it is lost.
     #[serde(skip)]
     frontiers: Option<Frontiers>,
+    /// When each peer last came to rest, as far as its look from there is noted.
+    peers_looked: BTreeMap<VehicleId, Time>,
     /// Tiles that have changed since the frontiers were kept.
     #[serde(skip)]
     changed: BTreeSet<TileAddress>,
@@ -169,6 +171,7 @@ impl Errand {
             is_begun: false,
             looks: Looks::new(settings.lattice),
             frontiers: None,
+            peers_looked: BTreeMap::new(),
             changed: BTreeSet::new(),
             barred: Vec::new(),
             blocked: (Point::default(), 0),
@@ -205,6 +208,9 @@ impl Errand {
     pub fn go_on(&mut self, scene: &mut Scene<'_>, met: &[Met]) {
         if let Some(Met::Blocked(at)) = met.iter().find(|met| matches!(met, Met::Blocked(_))) {
             self.is_blocked(scene, *at);
+        }
+        if self.settings.task == Task::Explore && !matches!(self.phase, Phase::Over) {
+            self.note_peers(scene);
         }
         match self.phase {
             Phase::Choosing { from } if from <= scene.now => self.choose(scene),
@@ -305,8 +311,7 @@ impl Errand {
     }
 
     fn look(&mut self, scene: &mut Scene<'_>, mut look: Look, at: Option<Cell>) {
-        let beams = &self.settings.look;
-        let dwell = beams.period * (2 * beams.beams.len() as u32 + 1);
+        let dwell = self.dwell();
         match look.next(scene.now, scene.pose().heading, scene.rests(), dwell) {
             Next::Stay => self.phase = Phase::Looking { look, at },
             Next::Turn(heading) => {
@@ -315,9 +320,28 @@ impl Errand {
             }
             Next::Over => {
                 if let Some(cell) = at {
-                    self.note_look(scene, look.toward_heading(), cell);
+                    let from = scene.pose().at;
+                    self.note_look(scene.pilot, from, look.toward_heading(), Some(cell));
                 }
                 self.think(scene.now);
+            }
+        }
+    }
+
+    /// Gives how long a look takes: every beam twice.
+    fn dwell(&self) -> Duration {
+        let beams = &self.settings.look;
+        beams.period * (2 * beams.beams.len() as u32 + 1)
+    }
+
+    /// Notes what peers look at, so that it is not looked at by all of them in vain.
+    fn note_peers(&mut self, scene: &Scene<'_>) {
+        let dwell = self.dwell();
+        for (id, peer) in scene.peers.iter() {
+            let has_looked = peer.resting && scene.now.since(peer.moved_at) >= dwell;
+            if has_looked && self.peers_looked.get(&id) != Some(&peer.moved_at) {
+                self.peers_looked.insert(id, peer.moved_at);
+                self.note_look(scene.pilot, peer.at, peer.heading, None);
             }
         }
     }

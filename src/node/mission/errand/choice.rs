@@ -219,25 +219,27 @@ impl Errand {
         })
     }
 
-    /// Counts a look along a heading at everything unknown that it covered.
-    pub(super) fn note_look(&mut self, scene: &Scene<'_>, heading: Angle, at: Cell) {
-        let from = scene.pose().at;
+    /// Notes a look from a place along a heading at everything unknown that it covered, and at one cell surely.
+    pub(super) fn note_look(&mut self, pilot: &Pilot, from: Point, heading: Angle, at: Option<Cell>) {
         let look = &self.settings.look;
         let widest_rad = look.beams.iter().map(|beam| beam.radians().abs()).fold(0.0, f64::max);
         let half_rad = widest_rad + 0.5 * look.half_angle.radians();
-        let reach_m = look.sure_range_m;
+        let reach_m = LOOK_SHARE * look.sure_range_m;
         let lattice = self.settings.lattice;
-        let area = CellRect::around(lattice, &[from], reach_m).unwrap_or(CellRect::new(at, at));
-        let view = scene.pilot.map().view(self.settings.slice, area);
-        let covered = |wanted: &Wanted| {
+        let Some(area) = CellRect::around(lattice, &[from], reach_m) else { return };
+        if let Some(frontiers) = &self.frontiers {
+            self.keep_frontiers(pilot, frontiers.bounds());
+        }
+        let view = pilot.map().view(self.settings.slice, area);
+        let is_covered = |wanted: &Wanted| {
             let off = from.angle_to(wanted.at) - heading;
-            wanted.cell == at
-                || (wanted.at.distance_to(from) <= LOOK_SHARE * reach_m
-                    && off.radians().abs() <= half_rad
-                    && sees(&view, lattice, from, wanted.at))
+            wanted.at.distance_to(from) <= reach_m
+                && off.radians().abs() <= half_rad
+                && sees(&view, lattice, from, wanted.at)
         };
-        let seen: Vec<Cell> = self.wanted().iter().filter(|one| covered(one)).map(|one| one.cell).collect();
-        self.looks.note(&seen, from);
+        let covered = self.wanted().into_iter().filter(is_covered).map(|one| one.cell);
+        let cells: Vec<Cell> = covered.chain(at).collect();
+        self.looks.note(&cells, from);
     }
 }
 
