@@ -9,6 +9,7 @@ mod corridor;
 mod grid;
 #[cfg(test)]
 mod looking;
+mod mounts;
 mod smooth;
 mod speed;
 mod swath;
@@ -16,5 +17,6 @@ mod swath;
 pub use astar::{Found, NoRoute, Rules, shortest_cells};
 pub use corridor::{Corridor, Release};
 pub use grid::{Grid, GridError, MAX_GRID_CELLS, swept_clearance_m};
+pub use mounts::{Aim, Choice, Mount, Mounts, Pointing};
 pub use smooth::{Route, shortest_route};
 pub use speed::{Sight, SpeedError, stopping_distance_m};
