@@ -29,8 +29,7 @@ pub struct Mount {
 
 impl Mount {
     /// A sensor that can be pointed anywhere, and at once.
-    pub const ANYWHERE: Mount =
-        Mount { zero: Angle::ZERO, from_rad: -PI, to_rad: PI, slew_s_per_rad: 0.0 };
+    pub const ANYWHERE: Mount = Mount { zero: Angle::ZERO, from_rad: -PI, to_rad: PI, slew_s_per_rad: 0.0 };
 
     /// Gives where its servo must stand to look along a direction, radians; `None` when it cannot.
     pub fn reach(&self, beam: Angle) -> Option<f64> {
@@ -223,9 +222,14 @@ mod tests {
 
     #[test]
     fn a_direction_is_looked_along_by_the_servo_that_can_reach_it() {
-        for (beam_deg, sensor, offset_deg) in
-            [(0.0, 0, 0.0), (45.0, 0, 45.0), (-30.0, 0, -30.0), (170.0, 1, -10.0), (-150.0, 1, 30.0), (90.0, 2, 0.0)]
-        {
+        for (beam_deg, sensor, offset_deg) in [
+            (0.0, 0, 0.0),
+            (45.0, 0, 45.0),
+            (-30.0, 0, -30.0),
+            (170.0, 1, -10.0),
+            (-150.0, 1, 30.0),
+            (90.0, 2, 0.0),
+        ] {
             let Choice::Servo(aim) = mounts().choose(Angle::from_degrees(beam_deg)) else {
                 panic!("{beam_deg}° is not reached")
             };
@@ -236,7 +240,9 @@ mod tests {
 
     #[test]
     fn what_no_servo_reaches_the_vehicle_turns_to_by_the_smallest_turn() {
-        for (beam_deg, by_deg, sensor) in [(50.0, 5.0, 0), (-60.0, -15.0, 0), (-100.0, 35.0, 1), (80.0, -10.0, 2)] {
+        for (beam_deg, by_deg, sensor) in
+            [(50.0, 5.0, 0), (-60.0, -15.0, 0), (-100.0, 35.0, 1), (80.0, -10.0, 2)]
+        {
             let Choice::Turn { by, aim } = mounts().choose(Angle::from_degrees(beam_deg)) else {
                 panic!("{beam_deg}° is reached")
             };
