@@ -30,6 +30,7 @@ mod task;
 mod vehicle;
 mod vehicle_file;
 mod venue;
+mod waypoint_file;
 
 use overlay::{Joined, Layer, Overlay};
 use section::Section;
@@ -49,6 +50,9 @@ pub use task::Task;
 pub use vehicle::{Body, Look, RangeSensor, Safety, Vehicles};
 pub use vehicle_file::{Record, VehicleFile, World};
 pub use venue::{Datum, Venue};
+pub use waypoint_file::{
+    Above, MOST_ITEMS, MOST_WAYPOINT_BYTES, MissionItem, SpeedOf, Spot, Target, Turning, WaypointFile,
+};
 
 /// Gives the text of a file that another file names, or the reason why it cannot be read.
 pub type Loader<'a> = dyn FnMut(&str) -> Result<String, String> + 'a;

@@ -17,11 +17,11 @@ mod choice;
 mod looks;
 mod visit;
 
-use std::collections::VecDeque;
+use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
-use tomoswarm_proto::{Mode, State};
+use tomoswarm_proto::{Mode, State, TileAddress, TileReport, VehicleId};
 
 use super::look::{Look, Next};
 use super::pilot::{Met, Pilot};
@@ -30,7 +30,7 @@ use crate::geom::{Cell, Point, Pose, Vector};
 use crate::node::peers::Peers;
 use crate::node::vehicle::Command;
 use crate::node::{Settings, Task};
-use crate::plan::{NoRoute, Rules};
+use crate::plan::{Frontiers, NoRoute, Rules};
 use crate::time::{Deadline, Time};
 
 use self::looks::Looks;
@@ -104,6 +104,14 @@ pub struct Errand {
     /// It has been told where ahead is.
     is_begun: bool,
     looks: Looks,
+    /// Where known free ground ends; made anew when it is lost.
+    #[serde(skip)]
+    frontiers: Option<Frontiers>,
+    /// When each peer last came to rest, as far as its look from there is noted.
+    peers_looked: BTreeMap<VehicleId, Time>,
+    /// Tiles that have changed since the frontiers were kept.
+    #[serde(skip)]
+    changed: BTreeSet<TileAddress>,
     /// What was looked at on the way to a place and never seen free.
     barred: Vec<Point>,
     /// Where something was in the way last, and how often since the vehicle has moved.
@@ -161,7 +169,10 @@ impl Errand {
             phase: Phase::Choosing { from: Time::ZERO },
             places,
             is_begun: false,
-            looks: Looks::default(),
+            looks: Looks::new(settings.lattice),
+            frontiers: None,
+            peers_looked: BTreeMap::new(),
+            changed: BTreeSet::new(),
             barred: Vec::new(),
             blocked: (Point::default(), 0),
             waits: 0,
@@ -171,9 +182,11 @@ impl Errand {
         })
     }
 
-    /// Tells how it ended, if it has.
-    pub fn end(&self) -> Option<&End> {
-        self.end.as_ref()
+    /// Notes that a tile of the map has changed.
+    pub fn learn(&mut self, tile: &TileReport) {
+        if self.frontiers.is_some() {
+            self.changed.insert(tile.address);
+        }
     }
 
     /// Gives when to be asked again without any input.
@@ -195,6 +208,9 @@ impl Errand {
     pub fn go_on(&mut self, scene: &mut Scene<'_>, met: &[Met]) {
         if let Some(Met::Blocked(at)) = met.iter().find(|met| matches!(met, Met::Blocked(_))) {
             self.is_blocked(scene, *at);
+        }
+        if self.settings.task == Task::Explore && !matches!(self.phase, Phase::Over) {
+            self.note_peers(scene);
         }
         match self.phase {
             Phase::Choosing { from } if from <= scene.now => self.choose(scene),
@@ -295,8 +311,7 @@ impl Errand {
     }
 
     fn look(&mut self, scene: &mut Scene<'_>, mut look: Look, at: Option<Cell>) {
-        let beams = &self.settings.look;
-        let dwell = beams.period * (2 * beams.beams.len() as u32 + 1);
+        let dwell = self.dwell();
         match look.next(scene.now, scene.pose().heading, scene.rests(), dwell) {
             Next::Stay => self.phase = Phase::Looking { look, at },
             Next::Turn(heading) => {
@@ -305,9 +320,28 @@ impl Errand {
             }
             Next::Over => {
                 if let Some(cell) = at {
-                    self.note_look(scene, look.toward_heading(), cell);
+                    let from = scene.pose().at;
+                    self.note_look(scene.pilot, from, look.toward_heading(), Some(cell));
                 }
                 self.think(scene.now);
+            }
+        }
+    }
+
+    /// Gives how long a look takes: every beam twice.
+    fn dwell(&self) -> Duration {
+        let beams = &self.settings.look;
+        beams.period * (2 * beams.beams.len() as u32 + 1)
+    }
+
+    /// Notes what peers look at, so that it is not looked at by all of them in vain.
+    fn note_peers(&mut self, scene: &Scene<'_>) {
+        let dwell = self.dwell();
+        for (id, peer) in scene.peers.iter() {
+            let has_looked = peer.resting && scene.now.since(peer.moved_at) >= dwell;
+            if has_looked && self.peers_looked.get(&id) != Some(&peer.moved_at) {
+                self.peers_looked.insert(id, peer.moved_at);
+                self.note_look(scene.pilot, peer.at, peer.heading, None);
             }
         }
     }
@@ -325,7 +359,7 @@ impl Errand {
                 return self.finish(scene, End::Stopped(at));
             }
             Aim::Place(_) => self.note_barred(scene, at),
-            Aim::Sight(cell) => self.looks.note(cell),
+            Aim::Sight(cell) => self.looks.note(&[cell], place),
             Aim::Aside | Aim::Home => {}
         }
         let wait = if times > 1 { WAIT * times.min(TRIES_MAX) } else { self.settings.path_time };

@@ -538,7 +538,12 @@ impl Actor for Mission {
         match input {
             In::State(state) => self.state(now, state, out),
             In::Peer(state) => self.peers.take(now, &state),
-            In::Tile(tile) => self.pilot.learn(&tile),
+            In::Tile(tile) => {
+                self.pilot.learn(&tile);
+                if let Some(errand) = &mut self.errand {
+                    errand.learn(&tile);
+                }
+            }
             In::Plan(plan) => self.plan(now, &plan, out),
             In::Progress(progress) => self.hear(now, &progress, out),
             In::Sighted(sighting) => {

@@ -3,19 +3,22 @@
 //!
 //! Only ground known to be free is driven over; what stays unknown after some looks, each from nearer by, is left.
 
-use super::looks::LOOKS_MAX;
+use tomoswarm_proto::{TILE_SIDE, TileAddress};
+
 use super::{Aim, End, Errand, Scene};
 use crate::geom::{Angle, Cell, Lattice, Point, Segment};
 use crate::map::{CellRect, Occupancy, View};
 use crate::node::Task;
 use crate::node::mission::pilot::Pilot;
-use crate::plan::{Distances, Grid};
+use crate::plan::{Distances, Frontiers, Grid};
 
 /// Nothing is looked at from farther away than this share of the sensor's sure range.
 const LOOK_SHARE: f64 = 0.85;
 /// The vehicle goes this much nearer to what it looks at than it must keep from it, metres; when it cannot, it looks
 /// from as near as it can.
 const NEARER_M: f64 = 0.5;
+/// A frontier shorter than this is not worth a look, metres.
+const FRONTIER_M: f64 = 0.6;
 /// What is this near to an object is searched first, metres.
 const NEAR_OBJECT_M: f64 = 1.5;
 /// A peer that is nearer to something than this share of the own way there gets it.
@@ -57,7 +60,8 @@ impl Errand {
             return self.finish(scene, End::GaveUp(0));
         };
         let start = self.settings.lattice.cell_at(pose.at);
-        let wanted = self.wanted(scene.pilot, grid.area());
+        self.keep_frontiers(scene.pilot, grid.area());
+        let wanted = self.wanted();
         let Ok(reached) = Distances::from_start(&grid, start, &self.rules()) else {
             return self.seek_later(scene, wanted.is_empty());
         };
@@ -80,7 +84,7 @@ impl Errand {
                         self.drive(scene, &route.points[1..], Aim::Sight(sight.at));
                     }
                     None => {
-                        self.looks.note(sight.at);
+                        self.looks.note(&[sight.at], to);
                         self.think(scene.now);
                     }
                 }
@@ -110,8 +114,7 @@ impl Errand {
         let start = self.settings.lattice.cell_at(pose.at);
         let Ok(reached) = Distances::from_start(&grid, start, &self.rules()) else { return false };
         let view = scene.pilot.map().view(self.settings.slice, grid.area());
-        let buckets =
-            Buckets::new(self.settings.lattice, grid.area(), &self.wanted(scene.pilot, grid.area()));
+        let buckets = Buckets::new(self.settings.lattice, grid.area(), &self.wanted());
         let reach_m = LOOK_SHARE * self.settings.look.sure_range_m;
         self.first_sight(&view, &by_cost(&grid, &reached), &buckets, (pose.at, start), reach_m).is_some()
     }
@@ -124,16 +127,31 @@ impl Errand {
     }
 
     /// Gives all frontier cells that are worth another look.
-    fn wanted(&self, pilot: &Pilot, area: CellRect) -> Vec<Wanted> {
-        let view = pilot.map().view(self.settings.slice, area);
+    fn wanted(&self) -> Vec<Wanted> {
         let lattice = self.settings.lattice;
-        let cells =
-            (area.low.y..=area.high.y).flat_map(|y| (area.low.x..=area.high.x).map(move |x| Cell::new(x, y)));
+        let least = (FRONTIER_M / lattice.cell_m()).round().max(1.0) as usize;
+        let clusters = self.frontiers.iter().flat_map(Frontiers::clusters);
+        let cells = clusters.filter(|cluster| cluster.size() >= least).flat_map(|cluster| cluster.cells);
         cells
-            .filter(|cell| self.is_open_frontier(&view, *cell))
-            .filter(|cell| self.looks.of(*cell) < LOOKS_MAX)
+            .filter(|cell| !self.looks.is_spent(*cell))
             .map(|cell| Wanted { cell, at: lattice.centre(cell) })
             .collect()
+    }
+
+    /// Brings the frontiers up to date.
+    fn keep_frontiers(&mut self, pilot: &Pilot, area: CellRect) {
+        let (slice, lattice) = (self.settings.slice, self.settings.lattice);
+        let map = pilot.map();
+        if let Some(frontiers) = &mut self.frontiers {
+            for address in std::mem::take(&mut self.changed) {
+                frontiers.update(map, tile_rect(address));
+            }
+            return;
+        }
+        let inside = |at: Point| self.settings.fence.contains(at);
+        let Ok(mut frontiers) = Frontiers::new(lattice, slice, area, inside) else { return };
+        frontiers.update(map, area);
+        self.frontiers = Some(frontiers);
     }
 
     /// Tells whether a cell is still a frontier.
@@ -193,34 +211,35 @@ impl Errand {
         places.iter().find_map(|(_, cell)| {
             let from = if *cell == start { here } else { lattice.centre(*cell) };
             let seen = buckets.near(from, reach_m).find(|wanted| {
-                wanted.at.distance_to(from) <= reach_m && sees(view, lattice, from, wanted.at)
+                wanted.at.distance_to(from) <= reach_m
+                    && self.looks.is_new(wanted.cell, from)
+                    && sees(view, lattice, from, wanted.at)
             });
             seen.map(|wanted| Sight { from: *cell, at: wanted.cell })
         })
     }
 
-    /// Counts a look along a heading at everything unknown that it covered.
-    pub(super) fn note_look(&mut self, scene: &Scene<'_>, heading: Angle, at: Cell) {
-        let from = scene.pose().at;
+    /// Notes a look from a place along a heading at everything unknown that it covered, and at one cell surely.
+    pub(super) fn note_look(&mut self, pilot: &Pilot, from: Point, heading: Angle, at: Option<Cell>) {
         let look = &self.settings.look;
         let widest_rad = look.beams.iter().map(|beam| beam.radians().abs()).fold(0.0, f64::max);
         let half_rad = widest_rad + 0.5 * look.half_angle.radians();
-        let reach_m = look.sure_range_m;
+        let reach_m = LOOK_SHARE * look.sure_range_m;
         let lattice = self.settings.lattice;
-        let area = CellRect::around(lattice, &[from], reach_m).unwrap_or(CellRect::new(at, at));
-        let view = scene.pilot.map().view(self.settings.slice, area);
-        let covered = |wanted: &Wanted| {
-            let off = from.angle_to(wanted.at) - heading;
-            wanted.cell == at
-                || (wanted.at.distance_to(from) <= LOOK_SHARE * reach_m
-                    && off.radians().abs() <= half_rad
-                    && sees(&view, lattice, from, wanted.at))
-        };
-        let seen: Vec<Cell> =
-            self.wanted(scene.pilot, area).iter().filter(|one| covered(one)).map(|one| one.cell).collect();
-        for cell in seen {
-            self.looks.note(cell);
+        let Some(area) = CellRect::around(lattice, &[from], reach_m) else { return };
+        if let Some(frontiers) = &self.frontiers {
+            self.keep_frontiers(pilot, frontiers.bounds());
         }
+        let view = pilot.map().view(self.settings.slice, area);
+        let is_covered = |wanted: &Wanted| {
+            let off = from.angle_to(wanted.at) - heading;
+            wanted.at.distance_to(from) <= reach_m
+                && off.radians().abs() <= half_rad
+                && sees(&view, lattice, from, wanted.at)
+        };
+        let covered = self.wanted().into_iter().filter(is_covered).map(|one| one.cell);
+        let cells: Vec<Cell> = covered.chain(at).collect();
+        self.looks.note(&cells, from);
     }
 }
 
@@ -238,6 +257,12 @@ fn by_cost(grid: &Grid, reached: &Distances) -> Vec<(f64, Cell)> {
 /// Tells whether only free ground lies between a place and a free cell.
 fn sees(view: &View<'_>, lattice: Lattice, from: Point, to: Point) -> bool {
     lattice.cells_under(Segment::new(from, to)).all(|cell| view.occupancy(cell) == Occupancy::Free)
+}
+
+fn tile_rect(address: TileAddress) -> CellRect {
+    let side = TILE_SIDE as i32;
+    let low = Cell::new(address.x.saturating_mul(side), address.y.saturating_mul(side));
+    CellRect::new(low, Cell::new(low.x.saturating_add(side - 1), low.y.saturating_add(side - 1)))
 }
 
 fn view_area(wanted: &[Wanted], lattice: Lattice) -> CellRect {
