@@ -5,8 +5,8 @@ use std::fmt::Write;
 
 use super::describe_nodes::{ground_lines, operator_lines, vehicle_lines};
 use crate::config::{
-    Body, Config, Fault, FaultKind, Imaging, Lobe, Look, Planner, RandomPersons, RangeSensor, Safety,
-    SceneFile, Sim, Sweep, Task, Venue,
+    Axis, Body, Config, Experiment, Fault, FaultKind, Imaging, Lobe, Look, Planner, RandomPersons, RangeSensor,
+    Safety, SceneFile, Sim, Sweep, Task, Venue,
 };
 use crate::geom::Point;
 use crate::plan::Mount;
@@ -21,6 +21,9 @@ pub fn describe(config: &Config) -> String {
         Config::Vehicle(file) => format!("a vehicle's node\n{}", lines(&vehicle_lines(file))),
         Config::Ground(file) => format!("a ground station's node\n{}", lines(&ground_lines(file))),
         Config::Operator(file) => format!("an operator's commands\n{}", lines(&operator_lines(file))),
+        Config::Experiment(experiment) => {
+            format!("an experiment\n{}", lines(&experiment_lines(experiment)))
+        }
     }
 }
 
@@ -34,6 +37,21 @@ fn lines(list: &[Line]) -> String {
         let _ = writeln!(text, "  {name:<12} {value}");
     }
     text
+}
+
+/// Values of an axis that are listed.
+const VALUES_SHOWN: usize = 20;
+
+fn experiment_lines(experiment: &Experiment) -> Vec<Line> {
+    let runs = format!("{} runs of experiment {}", experiment.runs(), experiment.name);
+    let mut list = vec![("grid", runs)];
+    for axis in Axis::ALL.into_iter().filter(|axis| experiment.has(*axis)) {
+        let names = experiment.names(axis);
+        let rest = if names.len() > VALUES_SHOWN { " …" } else { "" };
+        let shown = names[..names.len().min(VALUES_SHOWN)].join(" ");
+        list.push((axis.word(), format!("{}: {shown}{rest}", names.len())));
+    }
+    list
 }
 
 /// Describes a place.

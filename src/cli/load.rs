@@ -21,6 +21,18 @@ pub struct Loaded {
     pub venue_text: String,
 }
 
+impl Loaded {
+    /// Puts together a simulation and its shapes that were read elsewhere; the venue's text is not known.
+    pub fn new(sim: Sim, shapes: VrmlScene) -> Loaded {
+        Loaded {
+            sim,
+            shapes,
+            #[cfg(feature = "net")]
+            venue_text: String::new(),
+        }
+    }
+}
+
 /// What reads a simulation's file.
 type Read = fn(&str, &str, Option<usize>, &mut config::Loader<'_>) -> Result<Sim, Problems>;
 

@@ -14,7 +14,7 @@ use super::section::Section;
 use super::task::Task;
 use super::vehicle::{PARTY, RangeSensor, SWARM, Safety, Vehicles, sight};
 use super::venue::Venue;
-use super::{Loader, beside, read_kind};
+use super::{Loader, beside, read_kind_over};
 use crate::geom::{Point, Segment};
 use crate::plan::{Sight, SpeedError};
 
@@ -141,7 +141,8 @@ pub(super) fn load<T>(
 ) -> Option<T> {
     let needed = format!("the name of a {kind} file is needed, relative to this file");
     root.require(kind, &needed);
-    let path = beside(root.source.file(), &root.text(kind)?);
+    let named = root.text(kind)?;
+    let path = beside(&root.source.file_of(kind), &named);
     let text = match loader(&path) {
         Ok(text) => text,
         Err(reason) => {
@@ -149,7 +150,7 @@ pub(super) fn load<T>(
             return None;
         }
     };
-    match read_kind(&path, &text, kind, read) {
+    match read_kind_over(&path, &text, root.source.overlay(), kind, read) {
         Ok(value) => Some(value),
         Err(problems) => {
             root.source.absorb(problems);

@@ -211,6 +211,7 @@ impl Kernel {
         match event {
             Event::Wake { node, generation } => self.wake(node, generation),
             Event::Telemetry { vehicle } => {
+                self.record.track(vehicle, self.outside.world().truth(vehicle, self.now).at);
                 let telemetry = self.outside.telemetry(vehicle, self.now);
                 self.queue.push(self.now + TELEMETRY_EVERY, Event::Telemetry { vehicle });
                 self.tell(vehicle, node::Event::Telemetry(telemetry))

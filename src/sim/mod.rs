@@ -19,6 +19,7 @@ pub mod radio_field;
 pub mod range;
 mod scenario;
 pub mod script;
+pub mod visible;
 mod world;
 
 pub use entry::Entry;

@@ -148,7 +148,7 @@ pub struct Outcome {
     pub structure: Option<Reconstruction>,
     /// The merged map of the ground station.
     pub map: Merged,
-    /// Where each vehicle truly was, about once a second.
+    /// Where each vehicle truly was, 0.05 m and more apart, at the times of its telemetry.
     pub tracks: Vec<(VehicleId, Vec<Point>)>,
     /// When and how the own mission of each vehicle ended; none ends in a sweep.
     pub missions: Vec<Mission>,

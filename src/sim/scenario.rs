@@ -117,6 +117,14 @@ impl Scenario {
         Ok(self.scene(&[])?.outlines(self.sim.vehicles.antenna_height_m))
     }
 
+    /// Gives what stands in the scene, without the persons.
+    ///
+    /// # Errors
+    /// The scene cannot be built.
+    pub fn structure(&self) -> Result<Scene, ScenarioError> {
+        Ok(self.scene(&[])?)
+    }
+
     /// Gives what happens by itself in this scenario.
     ///
     /// # Errors
