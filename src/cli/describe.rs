@@ -5,8 +5,8 @@ use std::fmt::Write;
 
 use super::describe_nodes::{ground_lines, operator_lines, vehicle_lines};
 use crate::config::{
-    Axis, Body, Config, Experiment, Fault, FaultKind, Imaging, Lobe, Look, Planner, RandomPersons, RangeSensor,
-    Safety, SceneFile, Sim, Sweep, Task, Venue,
+    Axis, Body, Config, Experiment, Fault, FaultKind, Imaging, Lobe, Look, Planner, RandomPersons,
+    RangeSensor, Safety, SceneFile, Sim, Sweep, Task, Venue,
 };
 use crate::geom::Point;
 use crate::plan::Mount;
