@@ -233,6 +233,25 @@ impl Grid {
         }
     }
 
+    /// Takes note of where the vehicle stands: nothing else stands there, and no closed cell holds it.
+    pub fn stand_on(&mut self, cell: Cell) {
+        if let Some(index) = self.index(cell) {
+            self.flags[index] &= !(CLOSED | SOLID);
+        }
+    }
+
+    /// Opens the cells under a track that are too near to something, but for solid and closed ones: where a vehicle has
+    /// driven there was room for it.
+    pub fn open_along(&mut self, track: &[Point]) {
+        for pair in track.windows(2).filter(|pair| pair[0].is_finite() && pair[1].is_finite()) {
+            for cell in self.lattice.cells_under(Segment::new(pair[0], pair[1])) {
+                if let Some(index) = self.index(cell) {
+                    self.flags[index] &= !NEAR;
+                }
+            }
+        }
+    }
+
     /// Tells whether a vehicle's middle may be in a cell; `false` outside the rectangle.
     pub fn passable(&self, cell: Cell) -> bool {
         self.index(cell).is_some_and(|index| self.open(index))
