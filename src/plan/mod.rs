@@ -5,16 +5,26 @@
 //! look still leaves room to stop ([`Sight`]). Peers, plans and time are not known here.
 
 mod astar;
+mod buckets;
+mod clearance;
 mod corridor;
+mod distance;
+mod frontier;
 mod grid;
 #[cfg(test)]
 mod looking;
 mod smooth;
 mod speed;
+mod steps;
 mod swath;
+mod terrain;
+mod turning;
 
-pub use astar::{Found, NoRoute, Rules, shortest_cells};
+pub use astar::{Found, NoRoute, Rules, Turning, shortest_cells};
+pub use clearance::Clearance;
 pub use corridor::{Corridor, Release};
+pub use distance::Distances;
+pub use frontier::{Cluster, FrontierError, Frontiers};
 pub use grid::{Grid, GridError, MAX_GRID_CELLS, swept_clearance_m};
-pub use smooth::{Route, shortest_route};
+pub use smooth::{Route, route_along, shortest_route};
 pub use speed::{Sight, SpeedError, stopping_distance_m};
