@@ -40,7 +40,7 @@ pub use problem::{Problem, Problems};
 pub use radio::{Bus, OwnRadio, Partition, Radio};
 pub use scene::{Material, Object, Outline, Person, RandomPersons, SceneFile, Up};
 pub use sim::Sim;
-pub use vehicle::{Body, Lobe, Look, RangeSensor, Safety, Vehicles};
+pub use vehicle::{Body, Craft, Flight, Lobe, Look, RangeSensor, Safety, Vehicles};
 pub use vehicle_file::{Record, VehicleFile, World};
 pub use venue::{Datum, Venue};
 

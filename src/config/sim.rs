@@ -11,7 +11,7 @@ use super::mission::{Durations, End, Expect, Imaging, Planner, SMALLEST_GAP, Swe
 use super::radio::{Bus, Radio};
 use super::scene::SceneFile;
 use super::section::Section;
-use super::vehicle::{RangeSensor, SWARM, Safety, Vehicles, sight};
+use super::vehicle::{RangeSensor, SWARM, Safety, Vehicles, check_ceiling, sight};
 use super::venue::Venue;
 use super::{Loader, beside, read_kind};
 use crate::geom::{Point, Segment};
@@ -121,6 +121,7 @@ impl Sim {
             seed,
         };
         check_look_before_you_drive(root, &sim);
+        check_ceiling(root, &sim.vehicles, sim.venue.ceiling_m);
         check_places(root, &sim);
         Some(sim)
     }

@@ -2,6 +2,7 @@
 
 mod air;
 pub mod attitude;
+pub mod autopilot;
 pub mod body;
 pub mod bus;
 pub mod contact;
