@@ -5,8 +5,8 @@ use std::fmt::Write;
 
 use super::describe_nodes::{ground_lines, operator_lines, vehicle_lines};
 use crate::config::{
-    Body, Config, Craft, Fault, FaultKind, Flight, Imaging, Lobe, Look, Planner, RandomPersons, RangeSensor,
-    Safety, SceneFile, Sim, Sweep, Venue,
+    Axis, Body, Config, Craft, Experiment, Fault, FaultKind, Flight, Imaging, Lobe, Look, Planner,
+    RandomPersons, RangeSensor, Safety, SceneFile, Sim, Sweep, Task, Venue,
 };
 use crate::geom::Point;
 use crate::plan::Mount;
@@ -21,6 +21,9 @@ pub fn describe(config: &Config) -> String {
         Config::Vehicle(file) => format!("a vehicle's node\n{}", lines(&vehicle_lines(file))),
         Config::Ground(file) => format!("a ground station's node\n{}", lines(&ground_lines(file))),
         Config::Operator(file) => format!("an operator's commands\n{}", lines(&operator_lines(file))),
+        Config::Experiment(experiment) => {
+            format!("an experiment\n{}", lines(&experiment_lines(experiment)))
+        }
     }
 }
 
@@ -34,6 +37,21 @@ fn lines(list: &[Line]) -> String {
         let _ = writeln!(text, "  {name:<12} {value}");
     }
     text
+}
+
+/// Values of an axis that are listed.
+const VALUES_SHOWN: usize = 20;
+
+fn experiment_lines(experiment: &Experiment) -> Vec<Line> {
+    let runs = format!("{} runs of experiment {}", experiment.runs(), experiment.name);
+    let mut list = vec![("grid", runs)];
+    for axis in Axis::ALL.into_iter().filter(|axis| experiment.has(*axis)) {
+        let names = experiment.names(axis);
+        let rest = if names.len() > VALUES_SHOWN { " …" } else { "" };
+        let shown = names[..names.len().min(VALUES_SHOWN)].join(" ");
+        list.push((axis.word(), format!("{}: {shown}{rest}", names.len())));
+    }
+    list
 }
 
 /// Describes a place.
@@ -127,11 +145,28 @@ fn sim_lines(sim: &Sim) -> Vec<Line> {
     list.extend(fleet_lines(sim));
     list.extend(sensing_lines(sim));
     list.extend(field_lines(sim));
-    list.push(sweep_line(&sim.sweep, sim.empty_sweep));
+    list.push(("mission", mission_text(&sim.task)));
+    if sim.task.is_planned_by_ground() {
+        list.push(sweep_line(&sim.sweep, sim.empty_sweep));
+    }
     list.extend(imaging_lines(&sim.imaging));
     list.extend(end_lines(sim));
     list.extend(sim.faults.iter().map(fault_line));
     list
+}
+
+/// Describes what vehicles are out for.
+pub(super) fn mission_text(task: &Task) -> String {
+    let places = |places: &[Point]| places.iter().map(place).collect::<Vec<String>>().join(" ");
+    match task {
+        Task::Sweep => "sweep: as the ground station plans".to_owned(),
+        Task::Legs { places: list } => format!("straight from place to place: {}", places(list)),
+        Task::Forward { distance_m } => format!("forward: {distance_m} m straight ahead"),
+        Task::Browse => "browse: a look around on the spot".to_owned(),
+        Task::Search => "search: all that can be reached, near to objects first".to_owned(),
+        Task::Pathfind { places: list } => format!("pathfind: visits {}", places(list)),
+        Task::Explore => "explore: all that can be reached, together".to_owned(),
+    }
 }
 
 fn fleet_lines(sim: &Sim) -> Vec<Line> {

@@ -10,6 +10,8 @@ use crate::plan::{Mount, Mounts, Sight};
 
 /// How many vehicles a simulation may have: as many as the planners can keep apart on one ring.
 pub(super) const SWARM: RangeInclusive<usize> = 2..=8;
+/// How many vehicles a simulation may have that follow no plan of the ground station.
+pub(super) const PARTY: RangeInclusive<usize> = 1..=8;
 /// How many vehicles a world may hold for others who drive them.
 pub(super) const CROWD: RangeInclusive<usize> = 2..=250;
 

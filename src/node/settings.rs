@@ -23,6 +23,9 @@ pub struct Settings {
     pub lattice: Lattice,
     /// Altitude slice that it drives in.
     pub slice: i16,
+    /// What it is out for.
+    #[serde(default)]
+    pub task: Task,
     /// Its body.
     pub body: BodySettings,
     /// Its range sensor.
@@ -33,6 +36,26 @@ pub struct Settings {
     pub safety: SafetySettings,
     /// How long a search for a path takes before its result may be used.
     pub path_time: Duration,
+}
+
+/// What a vehicle is out for.
+#[derive(Clone, PartialEq, Debug, Default, Serialize, Deserialize)]
+pub enum Task {
+    /// It follows the plans of the ground station.
+    #[default]
+    Plan,
+    /// From place to place in straight lines; it ends in front of what stands there.
+    Legs(Vec<Point>),
+    /// Straight ahead, so far, metres; it ends in front of what stands there.
+    Forward(f64),
+    /// It looks around where it stands.
+    Browse,
+    /// It visits places, on paths around what it sees.
+    Pathfind(Vec<Point>),
+    /// It looks at everything that it can get to, what is near to objects first.
+    Search,
+    /// Together with its peers it looks at everything that can be reached.
+    Explore,
 }
 
 /// Size and motion of the body.

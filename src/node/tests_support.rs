@@ -53,6 +53,7 @@ pub fn settings(vehicle: u8) -> Settings {
             battery_hold: 0.05,
             closeness_m: 0.0,
         },
+        task: crate::node::Task::Plan,
         path_time: Duration::from_millis(20),
     }
 }

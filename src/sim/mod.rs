@@ -20,11 +20,12 @@ pub mod radio_field;
 pub mod range;
 mod scenario;
 pub mod script;
+pub mod visible;
 mod world;
 
 pub use entry::Entry;
 pub use kernel::Status;
-pub use outcome::{Counts, Found, Outcome};
+pub use outcome::{Counts, Found, Mission, Outcome};
 pub use scenario::{RunError, Scenario, ScenarioError};
 pub use script::{EMPTY_RUN, RUN};
 pub use world::{Collision, Stage, Touch};

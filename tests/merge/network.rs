@@ -409,6 +409,7 @@ fn settings(vehicle: u8, boot: u32) -> Settings {
             battery_hold: 0.05,
             closeness_m: 0.0,
         },
+        task: tomoswarm::node::Task::Plan,
         path_time: Duration::from_millis(20),
     }
 }

@@ -10,6 +10,8 @@
 
 mod search;
 
+pub use search::RULES;
+
 use std::collections::VecDeque;
 use std::time::Duration;
 
@@ -50,6 +52,8 @@ const TRAIL: usize = 16;
 const TRAIL_STEP_M: f64 = 0.5;
 /// After so many refusals in a row, peers that stand are planned around.
 const REFUSALS_MAX: u32 = 4;
+/// So many paths in a row of which every command is refused, and the vehicle does not get on by itself.
+const REFUSED_PATHS_MAX: u32 = 3;
 /// Bumps are looked for along the way in steps of this length, metres.
 const STEP_M: f64 = 0.1;
 
@@ -126,6 +130,8 @@ pub struct Pilot {
     needs_path: bool,
     /// A path was found, and nothing of it has been driven.
     path_is_fresh: bool,
+    /// The way is driven as it is: what blocks it is said, and no other is searched.
+    is_strict: bool,
     /// Looks since the last drive.
     looks: u32,
     /// Where the vehicle has been, oldest first: the way back out of a dead end.
@@ -135,6 +141,8 @@ pub struct Pilot {
     retreat_m: Option<f64>,
     /// Commands refused in a row.
     refusals: u32,
+    /// Paths in a row of which nothing was driven, since all commands were refused.
+    refused_paths: u32,
     /// Searches without a result in a row.
     failures: u32,
 }
@@ -155,10 +163,12 @@ impl Pilot {
             bumps: Vec::new(),
             needs_path: false,
             path_is_fresh: false,
+            is_strict: false,
             looks: 0,
             trail: VecDeque::new(),
             retreat_m: None,
             refusals: 0,
+            refused_paths: 0,
             failures: 0,
         }
     }
@@ -184,13 +194,37 @@ impl Pilot {
         self.way.clear(place);
         self.doing = Doing::Driving;
         (self.commanded_m, self.retreat_m) = (None, None);
-        (self.refusals, self.failures) = (0, 0);
-        (self.unknown, self.needs_path) = (Unknown::Free, false);
+        (self.refusals, self.refused_paths, self.failures) = (0, 0, 0);
+        (self.unknown, self.needs_path, self.is_strict) = (Unknown::Free, false, false);
+    }
+
+    /// Takes a route, corners after where the vehicle is, that is driven as it is: what blocks it is said, and whoever
+    /// gave it decides. What is unknown on it is looked at as on every way.
+    pub fn take_route(&mut self, place: Point, corners: &[Point]) {
+        let Some((end, corners)) = corners.split_last() else { return };
+        self.give_up(place);
+        self.way.append(corners.iter().copied(), *end, None);
+        (self.is_strict, self.looked, self.looks) = (true, false, 0);
+    }
+
+    /// Gives how far the middle of the vehicle keeps from what stands there, metres.
+    pub fn keep_m(&self, pose: Pose) -> f64 {
+        self.half_width_m(pose)
+    }
+
+    /// Gives what is known of the world.
+    pub fn map(&self) -> &Merged {
+        &self.map
     }
 
     /// Tells how many searches in a row have found nothing on the way that can be reached.
     pub fn failures(&self) -> u32 {
         self.failures
+    }
+
+    /// Tells whether the vehicle refuses whatever path is found.
+    pub fn is_refused(&self) -> bool {
+        self.refused_paths >= REFUSED_PATHS_MAX
     }
 
     /// Gives up the way to the next stop, which cannot be reached; gives the stops at it.
@@ -267,6 +301,9 @@ impl Pilot {
         self.remember(pose.at);
         if !resting {
             self.refusals = 0;
+        }
+        if state.mode == Mode::Driving {
+            self.refused_paths = 0;
         }
         self.pass(now, pose, resting, met);
         if self.way.is_empty() {
@@ -364,10 +401,13 @@ impl Pilot {
             return None;
         }
         if self.refusals >= REFUSALS_MAX || self.has_retreated(&release) || self.needs_path {
+            self.refused_paths += u32::from(self.refusals >= REFUSALS_MAX);
             self.refusals = 0;
             self.retreat_m = None;
             met.push(Met::Blocked(pose.at));
-            self.search(now, pose);
+            if !self.is_strict {
+                self.search(now, pose);
+            }
             return None;
         }
         if goes_m >= GO_M || (ends_way && goes_m > 0.0) {
@@ -402,11 +442,12 @@ impl Pilot {
             }
             unknown => {
                 met.push(Met::Blocked(release.blocked.or(unknown).unwrap_or(pose.at)));
-                if std::mem::take(&mut self.path_is_fresh) {
-                    self.fail(now, met);
-                } else {
-                    self.search(now, pose);
+                match (self.is_strict, self.path_is_fresh) {
+                    (true, _) => {}
+                    (false, true) => self.fail(now, met),
+                    (false, false) => self.search(now, pose),
                 }
+                self.path_is_fresh = false;
                 None
             }
         }

@@ -78,6 +78,7 @@ fn settings() -> Settings {
             battery_hold: 0.05,
             closeness_m: 0.0,
         },
+        task: crate::node::Task::Plan,
         path_time: Duration::from_millis(50),
     }
 }
