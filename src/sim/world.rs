@@ -282,12 +282,18 @@ impl World {
 
     /// Lets the autopilot go on by itself; contacts that its motion leads to are kept for [`World::foreseen`].
     fn advance(&mut self, vehicle: usize, now: Time) {
+        let autopilot = &self.crafts[vehicle].autopilot;
+        let (from, changes) = (autopilot.now(), autopilot.next_change().is_some_and(|at| at <= now));
+        if changes && autopilot.kind() == Kind::Copter {
+            self.judge(vehicle, now);
+        }
         let craft = &mut self.crafts[vehicle];
         craft.autopilot.advance(now);
         if craft.motions != craft.autopilot.motions() {
             craft.motions = craft.autopilot.motions();
             craft.commands += 1;
-            let touches = self.touches(vehicle, now);
+            // What it does by itself has begun since it was looked at last.
+            let touches = self.touches(vehicle, from);
             self.foreseen.extend(touches);
         }
     }
@@ -305,6 +311,7 @@ impl World {
     /// Lets the autopilot obey; gives the contacts that the new motion leads to.
     pub fn fly(&mut self, vehicle: usize, now: Time, fly: &Fly) -> Vec<Touch> {
         self.judge(vehicle, now);
+        self.advance(vehicle, now);
         let craft = &mut self.crafts[vehicle];
         if matches!(fly, Fly::Arm) {
             // After a landing it is in another mode.

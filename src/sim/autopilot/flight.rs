@@ -3,9 +3,8 @@
 
 use std::time::Duration;
 
-use super::super::attitude::Attitude;
 use super::super::body::{Body, BodyState};
-use crate::geom::Vector;
+use crate::geom::{Angle, Attitude, Vector};
 use crate::time::Time;
 
 /// Gravity, m/s².
@@ -68,8 +67,8 @@ pub fn leaning(body: &Body, state: BodyState, at: Time, wind: Vector) -> Attitud
     let (forward, left) = (ahead.dot(needed), ahead.cross(needed));
     Attitude {
         // Thrust to the right comes of a lowered right side, thrust ahead of a lowered nose.
-        roll_rad: -libm::atan2(left, GRAVITY_MPS2),
-        pitch_rad: -libm::atan2(forward, GRAVITY_MPS2),
-        heading: state.heading,
+        roll: -Angle::from_radians(libm::atan2(left, GRAVITY_MPS2)),
+        pitch: -Angle::from_radians(libm::atan2(forward, GRAVITY_MPS2)),
+        yaw: state.heading,
     }
 }

@@ -27,9 +27,8 @@ mod words;
 use std::collections::{BTreeMap, VecDeque};
 use std::time::Duration;
 
-use super::attitude::Attitude;
 use super::body::{Body, BodyState, Refusal};
-use crate::geom::{Angle, Point, Pose, Vector};
+use crate::geom::{Angle, Attitude, Point, Pose, Vector};
 use crate::time::Time;
 
 pub use flight::Climb;
@@ -152,6 +151,11 @@ impl Autopilot {
     /// Gives the next moment at which something happens by itself.
     pub fn next_change(&self) -> Option<Time> {
         self.next_due().map(|(at, _)| at)
+    }
+
+    /// Gives up to when everything that was due has happened.
+    pub fn now(&self) -> Time {
+        self.now
     }
 
     /// Gives where it truly is at a moment, as far as its stage goes.

@@ -414,10 +414,10 @@ fn a_copter_is_carried_by_the_wind_and_leans_into_it() {
     assert!((copter.report(end).pose.at.y_m + 0.2).abs() < 1e-9, "it knows that it is not there");
     // It faces nearly east, and the wind comes from the left: the left side is low.
     let still = copter.attitude(end);
-    assert!((still.roll_rad + libm::atan(4.0 * 0.3 / 9.80665)).abs() < 1e-3, "{still:?}");
+    assert!((still.roll.radians() + libm::atan(4.0 * 0.3 / 9.80665)).abs() < 1e-3, "{still:?}");
     let flying = copter.attitude(secs(6.0));
-    assert!(flying.pitch_rad < -0.04, "nose down against its own speed: {flying:?}");
-    assert_eq!(ready(Kind::Rover).attitude(secs(60.0)).roll_rad, 0.0);
+    assert!(flying.pitch.radians() < -0.04, "nose down against its own speed: {flying:?}");
+    assert_eq!(ready(Kind::Rover).attitude(secs(60.0)).roll, Angle::ZERO);
 }
 
 #[test]

@@ -4,10 +4,9 @@
 use std::collections::BTreeMap;
 use std::time::Duration;
 
-use super::super::attitude::Attitude;
 use super::super::motion::Limits;
 use super::item::Item;
-use crate::geom::{Angle, Point, Pose, Vector};
+use crate::geom::{Angle, Attitude, Point, Pose, Vector};
 use crate::time::Time;
 
 /// What kind of vehicle it steers.
