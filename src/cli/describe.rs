@@ -5,8 +5,8 @@ use std::fmt::Write;
 
 use super::describe_nodes::{ground_lines, operator_lines, vehicle_lines};
 use crate::config::{
-    Axis, Body, Config, Experiment, Fault, FaultKind, Imaging, Lobe, Look, Planner, RandomPersons,
-    RangeSensor, Safety, SceneFile, Sim, Sweep, Task, Venue,
+    Axis, Body, Config, Craft, Experiment, Fault, FaultKind, Flight, Imaging, Lobe, Look, Planner,
+    RandomPersons, RangeSensor, Safety, SceneFile, Sim, Sweep, Task, Venue,
 };
 use crate::geom::Point;
 use crate::plan::Mount;
@@ -180,12 +180,32 @@ fn fleet_lines(sim: &Sim) -> Vec<Line> {
             ),
         ),
         motion_line(&fleet.body()),
-        ("pose", format!("deviation {} m over {} s", fleet.pose_sd_m, fleet.pose_correlation_s)),
+        ("flight", flight_in_words(&fleet.flight)),
+        (
+            "pose",
+            format!(
+                "deviation {} m over {} s, growing by {} m/s without satellites",
+                fleet.pose_sd_m, fleet.pose_correlation_s, fleet.gps_growth_mps
+            ),
+        ),
         (
             "battery",
             format!("lasts {:?} driving, {:?} at rest", fleet.endurance_driving, fleet.endurance_resting),
         ),
     ]
+}
+
+fn flight_in_words(flight: &Flight) -> String {
+    match flight.craft {
+        Craft::Rover => "none: rovers".to_owned(),
+        Craft::Copter => format!(
+            "copters at {} m, climbing at {} m/s; wind of {} m/s from {:.0}°",
+            flight.altitude_m,
+            flight.climb_mps,
+            flight.wind_mps,
+            flight.wind_from.degrees()
+        ),
+    }
 }
 
 /// Describes how a body moves.
@@ -314,6 +334,7 @@ fn fault_line(fault: &Fault) -> Line {
         FaultKind::Restart => "restart".to_owned(),
         FaultKind::Dead => "software dead".to_owned(),
         FaultKind::Sensor => "no range sensor".to_owned(),
+        FaultKind::Gps => "no satellites".to_owned(),
         FaultKind::Battery(charge) => format!("charge of {} %", charge * 100.0),
     };
     let until = if fault.until == Time::NEVER { String::new() } else { format!(" to {}", fault.until) };

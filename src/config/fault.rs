@@ -22,6 +22,8 @@ pub enum FaultKind {
     Dead,
     /// The range sensor answers nothing.
     Sensor,
+    /// The autopilot hears no satellites: the deviation of its place grows.
+    Gps,
     /// The battery has this charge at once, 0 to 1.
     Battery(f64),
 }
@@ -70,6 +72,7 @@ fn read_kind(section: &Section) -> FaultKind {
         ("restart", FaultKind::Restart),
         ("dead", FaultKind::Dead),
         ("sensor", FaultKind::Sensor),
+        ("gps", FaultKind::Gps),
         ("battery", FaultKind::Battery(0.0)),
     ];
     let names: Vec<&str> = kinds.iter().map(|(name, _)| *name).collect();
@@ -77,7 +80,12 @@ fn read_kind(section: &Section) -> FaultKind {
     let kind = section.choice("kind", FaultKind::Bus, &kinds);
     match kind {
         FaultKind::Battery(_) => FaultKind::Battery(section.number("charge", 0.1, 0.0..=1.0)),
-        FaultKind::Bus | FaultKind::Radio | FaultKind::Restart | FaultKind::Dead | FaultKind::Sensor => kind,
+        FaultKind::Bus
+        | FaultKind::Radio
+        | FaultKind::Restart
+        | FaultKind::Dead
+        | FaultKind::Sensor
+        | FaultKind::Gps => kind,
     }
 }
 

@@ -12,7 +12,7 @@ use super::radio::{Bus, Radio};
 use super::scene::SceneFile;
 use super::section::Section;
 use super::task::Task;
-use super::vehicle::{PARTY, RangeSensor, SWARM, Safety, Vehicles, sight};
+use super::vehicle::{PARTY, RangeSensor, SWARM, Safety, Vehicles, check_ceiling, sight};
 use super::venue::Venue;
 use super::{Loader, beside, read_kind_over};
 use crate::geom::{Point, Segment};
@@ -127,6 +127,7 @@ impl Sim {
             seed,
         };
         check_look_before_you_drive(root, &sim);
+        check_ceiling(root, &sim.vehicles, sim.venue.ceiling_m);
         check_places(root, &sim);
         Some(sim)
     }

@@ -5,7 +5,7 @@ use std::ops::RangeInclusive;
 use std::time::Duration;
 
 use super::section::Section;
-use crate::geom::Angle;
+use crate::geom::{Angle, Bearing, Vector};
 use crate::plan::{Mount, Mounts, Sight};
 
 /// How many vehicles a simulation may have: as many as the planners can keep apart on one ring.
@@ -40,8 +40,68 @@ pub struct Vehicles {
     pub pose_correlation_s: f64,
     /// How long a full battery lasts while driving.
     pub endurance_driving: Duration,
-    /// How long a full battery lasts at rest.
+    /// How long a full battery lasts at rest; a copter in the air uses as much as driving.
     pub endurance_resting: Duration,
+    /// Whether they fly, and in what.
+    pub flight: Flight,
+    /// How fast the deviation of the place grows without satellites, metres per second.
+    pub gps_growth_mps: f64,
+}
+
+/// What kind of vehicle it is.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub enum Craft {
+    /// It drives.
+    Rover,
+    /// It flies.
+    Copter,
+}
+
+/// Whether vehicles fly, and in what wind.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub struct Flight {
+    /// What they are.
+    pub craft: Craft,
+    /// Altitude at which copters fly, metres.
+    pub altitude_m: f64,
+    /// Climbing and sinking of copters, metres per second.
+    pub climb_mps: f64,
+    /// Wind, metres per second; it carries copters only.
+    pub wind_mps: f64,
+    /// Compass bearing that the wind comes from.
+    pub wind_from: Bearing,
+}
+
+impl Flight {
+    fn read_keys(section: &Section) -> Flight {
+        Flight {
+            craft: section.choice(
+                "kind",
+                Craft::Rover,
+                &[("rover", Craft::Rover), ("copter", Craft::Copter)],
+            ),
+            altitude_m: section.number("altitude_m", 1.5, 0.3..=500.0),
+            climb_mps: section.number("climb_mps", 1.0, 0.1..=20.0),
+            // Beyond it a copter would be carried so far aside that it never came to where it was sent.
+            wind_mps: section.number("wind_mps", 0.0, 0.0..=5.0),
+            wind_from: Bearing::from_degrees(section.number("wind_from_deg", 270.0, 0.0..=360.0)),
+        }
+    }
+
+    /// Gives where the wind blows to, m/s, in a frame whose x axis has this bearing.
+    pub fn wind(&self, x_axis: Bearing) -> Vector {
+        let from = Angle::from_radians(x_axis.radians() - self.wind_from.radians());
+        -Vector::polar(from, self.wind_mps)
+    }
+}
+
+/// Refuses copters that would fly above the ceiling.
+pub(super) fn check_ceiling(root: &Section, vehicles: &Vehicles, ceiling_m: f64) {
+    let top_m = vehicles.flight.altitude_m + vehicles.height_m;
+    if vehicles.flight.craft == Craft::Copter && top_m > ceiling_m {
+        let wrong = format!("with the height of a vehicle is above the ceiling of the venue, {ceiling_m} m");
+        root.source.refuse("vehicles.altitude_m", &wrong, "a lower altitude is needed");
+    }
 }
 
 /// The body of one vehicle and how it moves.
@@ -112,6 +172,8 @@ impl Vehicles {
             pose_correlation_s: section.number("pose_correlation_s", 20.0, 0.1..=3600.0),
             endurance_driving: section.duration("endurance_driving_s", 21_600.0, 1.0..=1e6),
             endurance_resting: section.duration("endurance_resting_s", 86_400.0, 1.0..=1e6),
+            flight: Flight::read_keys(section),
+            gps_growth_mps: section.number("gps_growth_mps", 0.05, 0.0..=10.0),
         };
         section.finish();
         vehicles
@@ -267,7 +329,7 @@ impl Look {
         if look.settle >= look.scan_period {
             section.refuse("settle_s", "leaves no time for a reading", "less than scan_period_s is allowed");
         }
-        if look.farness_m < look.sure_range_m {
+        if section.has("farness_m") && look.farness_m < look.sure_range_m {
             let wrong = "is nearer than sure_range_m: what stands there would be taken for free";
             section.refuse("farness_m", wrong, "at least sure_range_m is allowed");
         }

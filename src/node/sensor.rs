@@ -90,6 +90,9 @@ pub struct Sensor {
     pointing: Pointing,
 }
 
+/// A reading that nothing can be learnt from.
+struct Glitch;
+
 #[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 enum Phase {
     Pointing { settled: Time, next: Time },
@@ -110,15 +113,21 @@ impl Sensor {
             return; // a late answer to an earlier ping
         }
         let Some(pose) = self.place.pose(now) else { return };
-        let range_m = echo.range_m.filter(|range_m| self.is_in_range(*range_m));
+        let Ok(range_m) = self.judged(echo.range_m) else { return };
         let reading_m = range_m.unwrap_or(f64::INFINITY);
         let suspect = reading_m < self.last_m[self.beam] - JUMP_M && reading_m < self.look.sure_range_m;
         self.last_m[self.beam] = reading_m;
         out.push(Out::Scan(Scan { pose, beam: self.look.beams[self.beam], range_m, suspect }));
     }
 
-    fn is_in_range(&self, range_m: f64) -> bool {
-        (self.look.min_range_m..=self.look.max_range_m).contains(&range_m)
+    /// What is farther than the sensor hears is no echo; what is nearer says nothing at all, since it would hide the rest.
+    fn judged(&self, range_m: Option<f64>) -> Result<Option<f64>, Glitch> {
+        match range_m {
+            None => Ok(None),
+            Some(range_m) if range_m > self.look.max_range_m => Ok(None),
+            Some(range_m) if range_m >= self.look.min_range_m => Ok(Some(range_m)),
+            Some(_) => Err(Glitch),
+        }
     }
 }
 
@@ -277,6 +286,45 @@ mod tests {
         assert!(told(&mut sensor, due, In::Echo(Echo { number: number + 1, range_m: None })).is_empty());
         let out = told(&mut sensor, due, In::Echo(Echo { number, range_m: Some(9.0) }));
         assert!(matches!(&out[..], [Out::Scan(Scan { range_m: None, .. })]));
+    }
+
+    #[test]
+    fn what_is_nearer_than_anything_can_be_heard_frees_nothing() {
+        for range_m in [0.05, 0.0, -1.0, f64::NAN, f64::NEG_INFINITY] {
+            let mut sensor = sensor();
+            let (due, number) = next_ping(&mut sensor);
+            told(&mut sensor, due, state(0.0, 0.0));
+            let out = told(&mut sensor, due, In::Echo(Echo { number, range_m: Some(range_m) }));
+            assert!(out.is_empty(), "{range_m}: {out:?}");
+        }
+        let mut sensor = sensor();
+        let (due, number) = next_ping(&mut sensor);
+        told(&mut sensor, due, state(0.0, 0.0));
+        let out = told(&mut sensor, due, In::Echo(Echo { number, range_m: Some(f64::INFINITY) }));
+        assert!(matches!(&out[..], [Out::Scan(Scan { range_m: None, suspect: false, .. })]));
+    }
+
+    #[test]
+    fn an_isolated_reading_is_never_believed_and_the_wall_behind_it_is_again() {
+        // A wall at 2.5 m in every beam; every eleventh reading is a glitch at 0.7 m.
+        let mut sensor = sensor();
+        let (mut believed, mut unsure) = (0, 0);
+        for round in 1..=330 {
+            let (due, number) = next_ping(&mut sensor);
+            told(&mut sensor, due, state(0.0, 0.0));
+            let range_m = Some(if round % 11 == 0 { 0.7 } else { 2.5 });
+            for out in told(&mut sensor, due, In::Echo(Echo { number, range_m })) {
+                let Out::Scan(scan) = out else { continue };
+                if scan.suspect {
+                    unsure += 1;
+                } else {
+                    assert_eq!(scan.range_m, Some(2.5), "in round {round}");
+                    believed += 1;
+                }
+            }
+        }
+        // The wall itself is new at the first look along each of the three beams.
+        assert_eq!((believed, unsure), (297, 33));
     }
 
     #[test]

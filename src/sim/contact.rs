@@ -9,6 +9,7 @@
 
 use std::time::Duration;
 
+use super::autopilot::Climb;
 use super::body::Body;
 use super::motion::Phase;
 use crate::geom::{Point, Segment, Vector};
@@ -100,6 +101,65 @@ pub fn closest_approach(a: &Body, b: &Body, from: Time, until: Time) -> (f64, Ti
         span.improve(&mut best);
     }
     best
+}
+
+/// Gives when a body that climbs or sinks on the spot first touches what stands, or `None` until the climb is over.
+/// `touches` tells whether anything stands between two altitudes of the body's foot, metres.
+///
+/// What is swept only grows, so the moment is found by halving, to a nanosecond.
+pub fn climb_contact(climb: &Climb, from: Time, touches: &dyn Fn(f64, f64) -> bool) -> Option<Time> {
+    let start_m = climb.altitude_m(from);
+    let touched_by = |at: Time| {
+        let here_m = climb.altitude_m(at);
+        touches(start_m.min(here_m), start_m.max(here_m))
+    };
+    let (mut free, mut touched) = (from, climb.until());
+    if touched <= free || !touched_by(touched) {
+        return None;
+    }
+    if touched_by(free) {
+        return Some(free);
+    }
+    while touched.since(free) > Duration::from_nanos(1) {
+        let middle = free + touched.since(free) / 2;
+        if touched_by(middle) { touched = middle } else { free = middle }
+    }
+    Some(free)
+}
+
+/// Gives the times, from a moment on, in which two bodies of this height reach to the same altitudes.
+pub fn overlaps(a: &Climb, b: &Climb, from: Time, height_m: f64) -> Vec<(Time, Time)> {
+    let mut borders = vec![from];
+    borders.extend([a.since, a.until(), b.since, b.until()].into_iter().filter(|at| *at > from));
+    borders.push(Time::NEVER);
+    borders.sort();
+    let apart = |at: Time| b.altitude_m(at) - a.altitude_m(at);
+    let mut found: Vec<(Time, Time)> = Vec::new();
+    for pair in borders.windows(2).filter(|pair| pair[0] < pair[1]) {
+        let Some((begins, ends)) = overlap(pair[0], pair[1], apart(pair[0]), apart(pair[1]), height_m) else {
+            continue;
+        };
+        match found.last_mut().filter(|last| last.1 == begins) {
+            Some(last) => last.1 = ends,
+            None => found.push((begins, ends)),
+        }
+    }
+    found
+}
+
+/// The part of a span, in which the gap changes evenly, with a gap under the height.
+fn overlap(from: Time, until: Time, first_m: f64, last_m: f64, height_m: f64) -> Option<(Time, Time)> {
+    if first_m == last_m {
+        return (first_m.abs() < height_m).then_some((from, until));
+    }
+    let share = |gap_m: f64| ((gap_m - first_m) / (last_m - first_m)).clamp(0.0, 1.0);
+    let (one, other) = (share(-height_m), share(height_m));
+    let (begins, ends) = (one.min(other), one.max(other));
+    let span_ns = until.since(from).as_nanos() as f64;
+    // At the borders themselves the time is exact, so that spans join.
+    let moment =
+        |share: f64| if share >= 1.0 { until } else { from + Duration::from_nanos((span_ns * share) as u64) };
+    (begins < ends).then(|| (moment(begins), moment(ends)))
 }
 
 /// The relative place of two bodies over a span of constant accelerations.
@@ -286,6 +346,42 @@ mod tests {
         assert_eq!(closest_approach(&a, &b, secs(1.0), Time::NEVER), (5.0, secs(1.0)));
         assert_eq!(first_contact_of(&a, &b, secs(1.0), Time::NEVER, 4.9), None);
         assert_eq!(first_contact_of(&a, &b, secs(1.0), Time::NEVER, 5.1), Some(secs(1.0)));
+    }
+
+    fn climb(since_s: f64, from_m: f64, to_m: f64) -> Climb {
+        Climb { since: secs(since_s), from_m, to_m, rate_mps: 0.5 }
+    }
+
+    #[test]
+    fn a_climb_touches_the_ceiling_when_its_gap_is_used_up() {
+        // A plate at 2 m: the head, 0.3 m above the foot, reaches it at 1.7 m, after 3.4 s.
+        let ceiling = |low_m: f64, high_m: f64| low_m <= 2.0 && high_m + 0.3 >= 2.0;
+        let at = climb_contact(&climb(1.0, 0.0, 5.0), secs(1.0), &ceiling).unwrap();
+        assert!((at.as_secs_f64() - 4.4).abs() < 1e-6, "{at}");
+        assert_eq!(climb_contact(&climb(1.0, 0.0, 1.6), secs(1.0), &ceiling), None);
+        assert_eq!(climb_contact(&climb(1.0, 0.0, 5.0), secs(11.0), &ceiling), None, "it is over");
+        // Down onto it from above.
+        let at = climb_contact(&climb(1.0, 4.0, 0.0), secs(2.0), &ceiling).unwrap();
+        assert!((at.as_secs_f64() - 5.0).abs() < 1e-6, "{at}");
+    }
+
+    #[test]
+    fn bodies_overlap_in_height_only_while_one_passes_the_other() {
+        let (ground, high) = (Climb::level(0.0), Climb::level(1.5));
+        assert_eq!(overlaps(&ground, &ground, secs(1.0), 0.3), [(secs(1.0), Time::NEVER)]);
+        assert_eq!(overlaps(&ground, &high, secs(1.0), 0.3), []);
+        let near = |got: &[(Time, Time)], expected: &[(f64, f64)]| {
+            assert_eq!(got.len(), expected.len(), "{got:?}");
+            for (got, expected) in got.iter().zip(expected) {
+                let (begins_s, ends_s) = (got.0.as_secs_f64(), got.1.as_secs_f64());
+                assert!((begins_s - expected.0).abs() < 1e-6, "{got:?}");
+                assert!((ends_s - expected.1).abs() < 1e-6 || got.1 == Time::NEVER, "{got:?}");
+            }
+        };
+        // From 0 to 3 m at 0.5 m/s past a body at 1.5 m: between 1.2 and 1.8 m.
+        near(&overlaps(&climb(10.0, 0.0, 3.0), &high, Time::ZERO, 0.3), &[(12.4, 13.6)]);
+        near(&overlaps(&climb(10.0, 0.0, 1.4), &high, Time::ZERO, 0.3), &[(12.4, 0.0)]);
+        near(&overlaps(&climb(10.0, 0.0, 3.0), &ground, Time::ZERO, 0.3), &[(0.0, 10.6)]);
     }
 
     fn corners() -> impl Strategy<Value = Vec<(f64, f64)>> {

@@ -3,6 +3,7 @@
 
 use tomoswarm_proto::{Sender, VehicleId};
 
+use super::autopilot::Outage;
 use crate::config::{Fault, FaultKind, Partition};
 use crate::time::Time;
 
@@ -48,6 +49,17 @@ impl Faults {
         self.list.iter().flat_map(turns_of).filter(|(at, _)| *at < Time::NEVER).collect()
     }
 
+    /// Gives when which autopilots hear no satellites.
+    pub fn outages(&self) -> Vec<(VehicleId, Outage)> {
+        let of_gps = self.list.iter().filter(|fault| fault.kind == FaultKind::Gps);
+        of_gps
+            .flat_map(|fault| {
+                let outage = Outage { from: fault.from, until: fault.until };
+                fault.vehicles.iter().map(move |vehicle| (*vehicle, outage))
+            })
+            .collect()
+    }
+
     /// Gives the faults of the bus as what it knows: a vehicle without it is a piece of its own.
     pub fn partitions(&self) -> impl Iterator<Item = Partition> {
         let of_bus = self.list.iter().filter(|fault| fault.kind == FaultKind::Bus);
@@ -67,7 +79,7 @@ fn turns_of(fault: &Fault) -> Vec<(Time, Turn)> {
         FaultKind::Battery(charge) => {
             fault.vehicles.iter().map(|id| (fault.from, Turn::Charge(*id, charge))).collect()
         }
-        FaultKind::Bus | FaultKind::Radio | FaultKind::Sensor => Vec::new(),
+        FaultKind::Bus | FaultKind::Radio | FaultKind::Sensor | FaultKind::Gps => Vec::new(),
     }
 }
 

@@ -213,6 +213,8 @@ impl Kernel {
             Event::Telemetry { vehicle } => {
                 self.record.track(vehicle, self.outside.world().truth(vehicle, self.now).at);
                 let telemetry = self.outside.telemetry(vehicle, self.now);
+                let touches = self.outside.foreseen();
+                self.foresee(touches);
                 self.queue.push(self.now + TELEMETRY_EVERY, Event::Telemetry { vehicle });
                 self.tell(vehicle, node::Event::Telemetry(telemetry))
             }
@@ -328,7 +330,7 @@ impl Kernel {
     /// Queues contacts that will happen unless the motion changes before.
     fn foresee(&mut self, touches: Vec<Touch>) {
         for touch in touches {
-            self.queue.push(touch.at, Event::Later(Later::Touch(touch)));
+            self.queue.push(touch.at.max(self.now), Event::Later(Later::Touch(touch)));
         }
     }
 

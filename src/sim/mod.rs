@@ -1,7 +1,8 @@
 //! The world in virtual time: kernel, bodies, simulated drivers, radio field, bus.
 
 mod air;
-pub mod attitude;
+pub mod autopilot;
+mod axes;
 pub mod body;
 pub mod bus;
 pub mod contact;

@@ -105,6 +105,11 @@ impl Outside {
         self.world.telemetry(vehicle, now)
     }
 
+    /// Gives the contacts that follow from what autopilots did by themselves; to be asked after their telemetry.
+    pub fn foreseen(&mut self) -> Vec<Touch> {
+        self.world.foreseen()
+    }
+
     /// Gives the battery of a vehicle a charge, 0 to 1.
     pub fn charge(&mut self, vehicle: usize, now: Time, charge: f64) {
         self.world.charge(vehicle, now, charge);

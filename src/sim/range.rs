@@ -6,9 +6,9 @@
 
 use std::time::Duration;
 
-use super::attitude::{Attitude, Axes};
+use super::axes::Axes;
 use super::noise::{Noise, Purpose};
-use crate::geom::{Angle, Point, Vector};
+use crate::geom::{Angle, Attitude, Point, Vector};
 
 /// Speed of sound, m/s.
 const SOUND_MPS: f64 = 343.0;
@@ -165,7 +165,7 @@ impl RangeSensor {
 
     /// Distance to the nearest surface that returns an echo, without noise and blind zone.
     fn nearest_m(&self, eye: &Eye, around: Surroundings<'_>) -> Option<f64> {
-        let axes = eye.attitude.axes(eye.beam);
+        let axes = Axes::of(eye.attitude, eye.beam);
         let mut best_m = None;
         for ray in &self.rays {
             let along = axes.along(*ray);
@@ -392,8 +392,8 @@ mod tests {
     }
 
     fn leaning(roll_deg: f64, pitch_deg: f64, height_m: f64, beam_deg: f64) -> Eye {
-        let [roll_rad, pitch_rad] = [roll_deg, pitch_deg].map(f64::to_radians);
-        let attitude = Attitude { roll_rad, pitch_rad, heading: Angle::default() };
+        let [roll, pitch] = [roll_deg, pitch_deg].map(Angle::from_degrees);
+        let attitude = Attitude { roll, pitch, yaw: Angle::ZERO };
         Eye { origin: [0.0, 0.0, height_m], attitude, beam: Angle::from_degrees(beam_deg) }
     }
 

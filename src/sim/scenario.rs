@@ -4,6 +4,7 @@ use std::time::Duration;
 
 use tomoswarm_proto::{Boot, Lease, VehicleId};
 
+use super::autopilot::Kind;
 use super::body::Limits;
 use super::bus::{Bus, BusModel};
 use super::entry::Entry;
@@ -15,9 +16,9 @@ use super::outside::{Outside, first_telemetry};
 use super::radio_field::{RadioConstants, RadioField};
 use super::range::{Lobe, RangeModel, RangeSensor};
 use super::script::{EMPTY_RUN, RUN, Script};
-use super::world::{Build, Stage, World};
+use super::world::{Build, Flying, Stage, World};
 use crate::actor::Fault;
-use crate::config::{self, Expect, Sim, Task};
+use crate::config::{self, Craft, Expect, Sim, Task};
 use crate::geom::Point;
 use crate::ground::imager::Subject;
 use crate::ground::planner::Method;
@@ -206,7 +207,11 @@ impl Scenario {
         let vehicles = &self.sim.vehicles;
         for vehicle in self.sim.vehicle_ids() {
             let Some(home) = self.sim.home(vehicle) else { continue };
-            let clearance_m = structure.clearance_m(home, 0.0, vehicles.height_m);
+            let low_m = match vehicles.flight.craft {
+                Craft::Rover => 0.0,
+                Craft::Copter => vehicles.flight.altitude_m,
+            };
+            let clearance_m = structure.clearance_m(home, low_m, low_m + vehicles.height_m);
             if clearance_m <= vehicles.radius_m {
                 let radius_m = vehicles.radius_m;
                 return Err(ScenarioError::StartsInside { vehicle, clearance_m, radius_m });
@@ -288,13 +293,25 @@ impl Scenario {
             RadioField::new(noise, radio_constants(&sim.radio)),
             RangeSensor::new(self.range()),
         )
-        .with_mounts(sim.range.mounts.clone());
+        .with_mounts(sim.range.mounts.clone())
+        .with_flying(self.flying())
+        .with_outages(Faults::new(sim.faults.clone()).outages(), sim.vehicles.gps_growth_mps);
         for vehicle in sim.vehicle_ids() {
             let Some(home) = sim.home(vehicle) else { continue };
             let heading = home.angle_to(sim.venue.area.centre());
             world.place(vehicle, home, heading).map_err(|reason| ScenarioError::Body { vehicle, reason })?;
         }
         Ok((world, second))
+    }
+
+    fn flying(&self) -> Flying {
+        let flight = &self.sim.vehicles.flight;
+        let kind = match flight.craft {
+            Craft::Rover => Kind::Rover,
+            Craft::Copter => Kind::Copter,
+        };
+        let (altitude_m, climb_mps) = (flight.altitude_m, flight.climb_mps);
+        Flying { kind, altitude_m, climb_mps, wind: flight.wind(self.sim.venue.x_axis_bearing) }
     }
 
     fn build(&self) -> Build {

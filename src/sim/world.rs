@@ -2,19 +2,21 @@
 //! every contact. It knows no actor and no bus.
 //!
 //! The autopilot of a vehicle believes to be at its true place plus a slowly drifting error; it drives so that
-//! its *believed* place follows the command. The referee judges true places only.
+//! its *believed* place follows the command ([`super::autopilot`], in GUIDED). The referee judges true places only; who
+//! flies over another does not touch it.
 
 use std::time::Duration;
 
 use tomoswarm_proto::VehicleId;
 
 use super::air::Sent;
-use super::body::{Body, BodyState, Limits};
-use super::contact::{closest_approach, first_contact_of};
-use super::noise::{Noise, Purpose};
+use super::autopilot::{self, Ask, Autopilot, Kind, LowBattery, Mode, Navigation, Outage};
+use super::body::{BodyState, Limits};
+use super::contact::{climb_contact, closest_approach, first_contact_of, overlaps};
+use super::noise::Noise;
 use super::radio_field::{RadioField, Transmission};
-use super::range::{Disc, RangeSensor, Surroundings};
-use crate::geom::{Angle, Point, Polygon, Pose, Segment, Vector};
+use super::range::{Disc, Eye, RangeSensor, Surroundings};
+use crate::geom::{Angle, Point, Polygon, Segment, Vector};
 use crate::node::vehicle::{Fly, Motion, Telemetry};
 use crate::plan::Mounts;
 use crate::scene::{Attenuation, Scene};
@@ -50,6 +52,26 @@ pub struct Build {
     pub endurance_driving: Duration,
     /// How long a full battery lasts at rest.
     pub endurance_resting: Duration,
+}
+
+/// Whether vehicles fly, and what the air does to them.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub struct Flying {
+    /// What they are.
+    pub kind: Kind,
+    /// Altitude above the ground at which copters begin, metres.
+    pub altitude_m: f64,
+    /// Climbing and sinking, m/s.
+    pub climb_mps: f64,
+    /// Wind, m/s, where it blows to.
+    pub wind: Vector,
+}
+
+impl Default for Flying {
+    /// Rovers.
+    fn default() -> Flying {
+        Flying { kind: Kind::Rover, altitude_m: 0.0, climb_mps: 1.0, wind: Vector::default() }
+    }
 }
 
 /// A contact, as the referee writes it down.
@@ -88,14 +110,13 @@ pub struct Touch {
     pub other: Option<(usize, u64)>,
 }
 
-struct Rover {
+struct Craft {
     id: VehicleId,
-    body: Body,
+    autopilot: Autopilot,
+    /// Counts the commands, and what else changes its motion.
     commands: u64,
-    is_disarmed: bool,
-    /// Charge left when it was reckoned last, 0 to 1.
-    charge: f64,
-    charge_at: Time,
+    /// The autopilot's own count of that, when contacts were foreseen last.
+    motions: u64,
 }
 
 /// Bodies in a scene.
@@ -103,12 +124,18 @@ pub struct World {
     stage: Stage,
     build: Build,
     fence: Polygon,
-    rovers: Vec<Rover>,
+    crafts: Vec<Craft>,
     noise: Noise,
     field: RadioField,
     sensor: RangeSensor,
     mounts: Mounts,
-    /// Up to when each pair's distance has been judged; index = one × rovers + other.
+    flying: Flying,
+    outages: Vec<(VehicleId, Outage)>,
+    /// How fast the deviation of a place grows without satellites, m/s.
+    growth_mps: f64,
+    /// Contacts that follow from motion that nobody has commanded just now.
+    foreseen: Vec<Touch>,
+    /// Up to when each pair's distance has been judged; index = one × vehicles + other.
     judged: Vec<Time>,
     min_separation_m: f64,
     collisions: Vec<Collision>,
@@ -129,11 +156,15 @@ impl World {
             stage,
             build,
             fence,
-            rovers: Vec::new(),
+            crafts: Vec::new(),
             noise,
             field,
             sensor,
             mounts: Mounts::default(),
+            flying: Flying::default(),
+            outages: Vec::new(),
+            growth_mps: 0.0,
+            foreseen: Vec::new(),
             judged: Vec::new(),
             min_separation_m: f64::INFINITY,
             collisions: Vec::new(),
@@ -146,50 +177,78 @@ impl World {
         World { mounts, ..self }
     }
 
+    /// Says whether its vehicles fly; those that are put into it from now on.
+    pub fn with_flying(self, flying: Flying) -> World {
+        World { flying, ..self }
+    }
+
+    /// Says when vehicles hear no satellites, and by how much the deviation of their place grows then, m/s; for those
+    /// that are put into it from now on.
+    pub fn with_outages(self, outages: Vec<(VehicleId, Outage)>, growth_mps: f64) -> World {
+        World { outages, growth_mps, ..self }
+    }
+
     /// Gives the range sensors of a vehicle.
     pub fn mounts(&self) -> &Mounts {
         &self.mounts
     }
 
-    /// Puts a vehicle at rest into the world.
+    /// Puts a vehicle at rest into the world, armed; a copter hovers.
     ///
     /// # Errors
     /// The place or the figures of the drive are impossible.
     pub fn place(&mut self, id: VehicleId, at: Point, heading: Angle) -> Result<(), String> {
-        let body = Body::at_rest(at, heading, self.build.limits).map_err(|refusal| refusal.to_string())?;
-        self.rovers.push(Rover {
-            id,
-            body,
-            commands: 0,
-            is_disarmed: false,
-            charge: 1.0,
-            charge_at: Time::ZERO,
-        });
-        self.judged = vec![Time::ZERO; self.rovers.len() * self.rovers.len()];
+        let own = self.outages.iter().filter(|(vehicle, _)| *vehicle == id).map(|(_, outage)| *outage);
+        let Build { pose_sd_m, pose_drift, .. } = self.build;
+        let navigation = Navigation::new(self.noise, u64::from(id.0), pose_sd_m, pose_drift)
+            .with_outages(own.collect(), self.growth_mps);
+        let autopilot = Autopilot::new(self.autopilot_settings(), navigation, at, heading)
+            .map_err(|refusal| refusal.to_string())?
+            .under_way(self.flying.altitude_m);
+        self.crafts.push(Craft { id, motions: autopilot.motions(), autopilot, commands: 0 });
+        self.judged = vec![Time::ZERO; self.crafts.len() * self.crafts.len()];
         Ok(())
+    }
+
+    /// The companion decides about batteries and lost places: it knows a safer way home than a straight line.
+    fn autopilot_settings(&self) -> autopilot::Settings {
+        let (build, flying) = (&self.build, &self.flying);
+        autopilot::Settings {
+            climb_mps: flying.climb_mps,
+            descent_mps: flying.climb_mps,
+            endurance_driving: build.endurance_driving,
+            endurance_resting: build.endurance_resting,
+            on_low_battery: LowBattery::Warn,
+            place_sd_max_m: f64::INFINITY,
+            ready_after: Duration::ZERO,
+            place_after: Duration::ZERO,
+            disarm_after: Duration::from_secs(1_000_000_000),
+            wind: flying.wind,
+            ..autopilot::Settings::new(flying.kind, build.limits)
+        }
     }
 
     /// Changes what stands in the world; gives the contacts that motion under way now leads to.
     pub fn set_stage(&mut self, stage: Stage, now: Time) -> Vec<Touch> {
         self.stage = stage;
         // The motion stays, but contacts foreseen with the old stage are void.
-        self.rovers.iter_mut().for_each(|rover| rover.commands += 1);
-        (0..self.rovers.len()).flat_map(|vehicle| self.touches(vehicle, now)).collect()
+        self.crafts.iter_mut().for_each(|craft| craft.commands += 1);
+        (0..self.crafts.len()).flat_map(|vehicle| self.touches(vehicle, now)).collect()
     }
 
     /// Gives how many vehicles there are.
     pub fn vehicles(&self) -> usize {
-        self.rovers.len()
+        self.crafts.len()
     }
 
     /// Gives the id of a vehicle.
     pub fn id(&self, vehicle: usize) -> VehicleId {
-        self.rovers[vehicle].id
+        self.crafts[vehicle].id
     }
 
     /// Gives where a vehicle truly is.
     pub fn truth(&self, vehicle: usize, now: Time) -> BodyState {
-        self.rovers[vehicle].body.pose_at(now)
+        self.crafts[vehicle].autopilot.truth(now)
     }
 
     /// Gives all contacts so far.
@@ -202,94 +261,75 @@ impl World {
         self.fence_breaches
     }
 
-    /// Gives the error of the believed place at a moment.
-    fn pose_error(&self, id: VehicleId, now: Time) -> Vector {
-        let drift = |purpose| {
-            let smooth = self.noise.smooth(purpose, &[u64::from(id.0)], now, self.build.pose_drift);
-            // A receiver's filter does not believe outliers: the error ends at three deviations.
-            self.build.pose_sd_m * smooth.clamp(-3.0, 3.0)
-        };
-        Vector::new(drift(Purpose::PoseX), drift(Purpose::PoseY))
-    }
-
     /// Gives what the autopilot reports.
     pub fn telemetry(&mut self, vehicle: usize, now: Time) -> Telemetry {
-        self.drain(vehicle, now);
-        let rover = &self.rovers[vehicle];
-        let truth = rover.body.pose_at(now);
-        let motion = match (truth.speed_mps > 0.0, rover.body.is_done(now)) {
+        self.advance(vehicle, now);
+        let autopilot = &self.crafts[vehicle].autopilot;
+        let report = autopilot.report(now);
+        let motion = match (report.speed_mps > 0.0, autopilot.is_at_rest(now)) {
             (true, _) => Motion::Driving,
             (false, true) => Motion::Resting,
             (false, false) => Motion::Turning,
         };
-        let at = truth.at + self.pose_error(rover.id, now);
-        let pose = Pose { at, heading: truth.heading, sd_m: self.build.pose_sd_m };
         Telemetry {
-            pose,
-            speed_mps: truth.speed_mps,
-            battery: rover.charge,
+            pose: report.pose,
+            speed_mps: report.speed_mps,
+            battery: report.battery,
             motion,
-            is_armed: !rover.is_disarmed,
+            is_armed: report.is_armed,
         }
     }
 
-    /// Takes from the battery what was used since it was reckoned last, by how the body moves now.
-    fn drain(&mut self, vehicle: usize, now: Time) {
-        let rover = &mut self.rovers[vehicle];
-        let moves = !rover.body.is_done(now);
-        let lasts = if moves { self.build.endurance_driving } else { self.build.endurance_resting };
-        let used = now.since(rover.charge_at).as_secs_f64() / lasts.as_secs_f64();
-        rover.charge = (rover.charge - used).max(0.0);
-        rover.charge_at = now;
+    /// Lets the autopilot go on by itself; contacts that its motion leads to are kept for [`World::foreseen`].
+    fn advance(&mut self, vehicle: usize, now: Time) {
+        let autopilot = &self.crafts[vehicle].autopilot;
+        let (from, changes) = (autopilot.now(), autopilot.next_change().is_some_and(|at| at <= now));
+        if changes && autopilot.kind() == Kind::Copter {
+            self.judge(vehicle, now);
+        }
+        let craft = &mut self.crafts[vehicle];
+        craft.autopilot.advance(now);
+        if craft.motions != craft.autopilot.motions() {
+            craft.motions = craft.autopilot.motions();
+            craft.commands += 1;
+            // What it does by itself has begun since it was looked at last.
+            let touches = self.touches(vehicle, from);
+            self.foreseen.extend(touches);
+        }
+    }
+
+    /// Gives the contacts that follow from what autopilots did by themselves, since the last call.
+    pub fn foreseen(&mut self) -> Vec<Touch> {
+        std::mem::take(&mut self.foreseen)
     }
 
     /// Gives a battery a charge, 0 to 1.
     pub fn charge(&mut self, vehicle: usize, now: Time, charge: f64) {
-        let rover = &mut self.rovers[vehicle];
-        (rover.charge, rover.charge_at) = (charge, now);
+        self.crafts[vehicle].autopilot.set_battery(now, charge);
     }
 
     /// Lets the autopilot obey; gives the contacts that the new motion leads to.
     pub fn fly(&mut self, vehicle: usize, now: Time, fly: &Fly) -> Vec<Touch> {
         self.judge(vehicle, now);
-        let error = self.pose_error(self.rovers[vehicle].id, now);
-        let rover = &mut self.rovers[vehicle];
-        rover.commands += 1;
-        let obeyed = match fly {
-            Fly::Drive { .. } | Fly::Turn(_) if rover.is_disarmed => {
-                rover.body.stop(now);
-                Ok(())
-            }
-            Fly::Arm => {
-                rover.is_disarmed = false;
-                Ok(())
-            }
-            // Motors without current brake.
-            Fly::Disarm => {
-                rover.is_disarmed = true;
-                rover.body.stop(now);
-                Ok(())
-            }
-            Fly::Drive { corners, speed_mps } => {
-                let truly: Vec<Point> = corners.iter().map(|corner| *corner - error).collect();
-                rover.body.drive(now, &truly, *speed_mps)
-            }
-            Fly::Turn(heading) => rover.body.turn(now, *heading),
-            Fly::Stop => {
-                rover.body.stop(now);
-                Ok(())
-            }
-        };
-        // An impossible command leaves the motion as it was, as an autopilot would.
-        if obeyed.is_err() {
-            return self.touches(vehicle, now);
+        self.advance(vehicle, now);
+        let craft = &mut self.crafts[vehicle];
+        if matches!(fly, Fly::Arm) {
+            // After a landing it is in another mode.
+            craft.autopilot.ask(now, Ask::Mode(Mode::Guided));
         }
-        self.judge_fence(vehicle, now);
+        let ask = asked(&craft.autopilot, now, fly, self.flying.altitude_m);
+        let answer = craft.autopilot.ask(now, ask);
+        craft.commands += 1;
+        craft.motions = craft.autopilot.motions();
+        // An impossible command leaves the motion as it was.
+        if answer == autopilot::Answer::Accepted {
+            self.judge_fence(vehicle, now);
+        }
         self.touches(vehicle, now)
     }
 
     fn judge_fence(&mut self, vehicle: usize, now: Time) {
-        let body = &self.rovers[vehicle].body;
+        let body = self.crafts[vehicle].autopilot.body();
         let swept = body.swept(now, Time::NEVER);
         let inside = |way: &Segment| self.fence.contains_corridor(*way, self.build.radius_m);
         if !swept.iter().all(|piece| inside(&piece.segment)) {
@@ -299,25 +339,45 @@ impl World {
 
     /// Gives the contacts that the present motion of a vehicle leads to.
     pub fn touches(&self, vehicle: usize, now: Time) -> Vec<Touch> {
-        let rover = &self.rovers[vehicle];
-        let one = (vehicle, rover.commands);
+        let craft = &self.crafts[vehicle];
+        let one = (vehicle, craft.commands);
+        let scene = self.scene_contact(&craft.autopilot, now).map(|at| Touch { at, one, other: None });
+        let others = self.crafts.iter().enumerate().filter(|(index, _)| *index != vehicle);
+        let pairs = others.filter_map(|(index, peer)| {
+            let at = self.pair_contact(&craft.autopilot, &peer.autopilot, now)?;
+            Some(Touch { at, one, other: Some((index, peer.commands)) })
+        });
+        scene.into_iter().chain(pairs).collect()
+    }
+
+    /// When a body first touches what stands: in the plane at its altitude, or while it climbs on the spot.
+    fn scene_contact(&self, autopilot: &Autopilot, now: Time) -> Option<Time> {
         let (radius_m, height_m) = (self.build.radius_m, self.build.height_m);
-        let cast = |way: Segment| self.stage.scene.first_contact(way, radius_m, GROUND_CLEARANCE_M, height_m);
-        let mut touches = Vec::new();
-        if let Some(at) = rover.body.contact_time(now, Time::NEVER, &cast) {
-            touches.push(Touch { at, one, other: None });
+        let scene = &self.stage.scene;
+        let climb = autopilot.climb();
+        if climb.until() > now {
+            let here = autopilot.truth(now).at;
+            let touches = |low_m: f64, high_m: f64| {
+                let (low_m, high_m) = (low_m + GROUND_CLEARANCE_M, high_m + height_m);
+                scene.first_contact(Segment::new(here, here), radius_m, low_m, high_m).is_some()
+            };
+            return climb_contact(climb, now, &touches);
         }
-        for (index, peer) in self.rovers.iter().enumerate().filter(|(index, _)| *index != vehicle) {
-            if let Some(at) = first_contact_of(&rover.body, &peer.body, now, Time::NEVER, 2.0 * radius_m) {
-                touches.push(Touch { at, one, other: Some((index, peer.commands)) });
-            }
-        }
-        touches
+        let altitude_m = autopilot.altitude_m(now);
+        let (low_m, high_m) = (altitude_m + GROUND_CLEARANCE_M, altitude_m + height_m);
+        let cast = |way: Segment| scene.first_contact(way, radius_m, low_m, high_m);
+        autopilot.body().contact_time(now, Time::NEVER, &cast)
+    }
+
+    fn pair_contact(&self, one: &Autopilot, other: &Autopilot, now: Time) -> Option<Time> {
+        let (radius_m, height_m) = (self.build.radius_m, self.build.height_m);
+        let near = |(from, until)| first_contact_of(one.body(), other.body(), from, until, 2.0 * radius_m);
+        overlaps(one.climb(), other.climb(), now, height_m).into_iter().find_map(near)
     }
 
     /// Lets a foreseen contact happen, unless a newer command has prevented it.
     pub fn touch(&mut self, touch: &Touch) -> Option<Collision> {
-        let current = |(vehicle, command): (usize, u64)| self.rovers[vehicle].commands == command;
+        let current = |(vehicle, command): (usize, u64)| self.crafts[vehicle].commands == command;
         if !current(touch.one) || !touch.other.is_none_or(current) {
             return None;
         }
@@ -325,21 +385,23 @@ impl World {
             [Some(touch.one), touch.other].into_iter().flatten().map(|(index, _)| index).collect();
         for vehicle in &involved {
             self.judge(*vehicle, touch.at);
-            self.rovers[*vehicle].body.halt(touch.at);
-            self.rovers[*vehicle].commands += 1;
+            let craft = &mut self.crafts[*vehicle];
+            craft.autopilot.wreck(touch.at);
+            craft.motions = craft.autopilot.motions();
+            craft.commands += 1;
         }
         let place = self.truth(touch.one.0, touch.at).at;
-        let with = touch.other.map(|(index, _)| self.rovers[index].id);
-        let collision = Collision { at: touch.at, vehicle: self.rovers[touch.one.0].id, with, place };
+        let with = touch.other.map(|(index, _)| self.crafts[index].id);
+        let collision = Collision { at: touch.at, vehicle: self.crafts[touch.one.0].id, with, place };
         self.collisions.push(collision.clone());
         Some(collision)
     }
 
     /// Judges the distances of a vehicle to all others since they were judged last.
     fn judge(&mut self, vehicle: usize, now: Time) {
-        for other in (0..self.rovers.len()).filter(|other| *other != vehicle) {
-            let pair = vehicle.min(other) * self.rovers.len() + vehicle.max(other);
-            let (one, two) = (&self.rovers[vehicle].body, &self.rovers[other].body);
+        for other in (0..self.crafts.len()).filter(|other| *other != vehicle) {
+            let pair = vehicle.min(other) * self.crafts.len() + vehicle.max(other);
+            let (one, two) = (self.crafts[vehicle].autopilot.body(), self.crafts[other].autopilot.body());
             let (distance_m, _) = closest_approach(one, two, self.judged[pair], now);
             self.min_separation_m = self.min_separation_m.min(distance_m);
             self.judged[pair] = now;
@@ -348,7 +410,7 @@ impl World {
 
     /// Gives the smallest distance between the middles of two vehicles so far, metres; infinite for one alone.
     pub fn min_separation_m(&mut self, now: Time) -> f64 {
-        for vehicle in 0..self.rovers.len() {
+        for vehicle in 0..self.crafts.len() {
             self.judge(vehicle, now);
         }
         self.min_separation_m
@@ -356,24 +418,27 @@ impl World {
 
     /// Gives what the range sensor reads when it looks along a beam (relative to the heading).
     pub fn range_m(&self, vehicle: usize, now: Time, beam: Angle, number: u64) -> Option<f64> {
-        let rover = &self.rovers[vehicle];
-        let truth = rover.body.pose_at(now);
-        let others = self.rovers.iter().enumerate().filter(|(index, _)| *index != vehicle);
-        let discs: Vec<Disc> = others.map(|(_, peer)| self.disc(peer.body.pose_at(now).at)).collect();
+        let craft = &self.crafts[vehicle];
+        let truth = craft.autopilot.truth(now);
+        let others = self.crafts.iter().enumerate().filter(|(index, _)| *index != vehicle);
+        let discs: Vec<Disc> = others.map(|(_, peer)| self.disc(&peer.autopilot, now)).collect();
         let cast = |origin, direction, max_m| {
             let hit = self.stage.scene.cast(origin, direction, max_m)?;
             Some((hit.distance_m, hit.normal))
         };
-        let origin = [truth.at.x_m, truth.at.y_m, self.build.sensor_m];
-        let ids = [u64::from(rover.id.0), number];
+        let above_ground_m = craft.autopilot.altitude_m(now) + self.build.sensor_m;
+        let origin = [truth.at.x_m, truth.at.y_m, above_ground_m];
+        let ids = [u64::from(craft.id.0), number];
         let around = Surroundings { cast: &cast, discs: &discs };
-        self.sensor.echo(origin, truth.heading + beam, around, &self.noise, &ids)
+        let eye = Eye { origin, attitude: craft.autopilot.attitude(now), beam };
+        self.sensor.echo_at(&eye, around, &self.noise, &ids)
     }
 
     /// A vehicle as range sensors see it; at least as high as its own sensor.
-    fn disc(&self, centre: Point) -> Disc {
+    fn disc(&self, autopilot: &Autopilot, now: Time) -> Disc {
         let Build { radius_m, height_m, sensor_m, .. } = self.build;
-        Disc { centre, radius_m, low_m: 0.0, high_m: height_m.max(sensor_m) }
+        let low_m = autopilot.altitude_m(now);
+        Disc { centre: autopilot.truth(now).at, radius_m, low_m, high_m: low_m + height_m.max(sensor_m) }
     }
 
     /// Gives what the range sensor reads, and after which time.
@@ -385,8 +450,8 @@ impl World {
     /// Gives how strongly a beacon is heard, dBm; `None` when it is lost. Packet noise depends on the beacon
     /// and the receiver alone.
     pub fn received_dbm(&self, sent: &Sent, to: usize, now: Time) -> Option<i16> {
-        let receiver = &self.rovers[to];
-        let (from, to) = (sent.place, receiver.body.pose_at(now).at);
+        let receiver = &self.crafts[to];
+        let (from, to) = (sent.place, receiver.autopilot.truth(now).at);
         let attenuation_db = self.stage.attenuation.between(from, to);
         let [sender, boot, sequence] = sent.key;
         let ids = [sender, boot, sequence, u64::from(receiver.id.0)];
@@ -394,3 +459,22 @@ impl World {
         self.field.received(&Transmission { from, to, channel, power_dbm }, attenuation_db, &ids)
     }
 }
+
+/// What a companion's word comes to in GUIDED. A copter that stands takes off first; in the air it lands to be disarmed.
+fn asked(autopilot: &Autopilot, now: Time, fly: &Fly, altitude_m: f64) -> Ask {
+    let is_landed = autopilot.is_landed(now);
+    match fly {
+        Fly::Drive { .. } if is_landed && autopilot.kind() == Kind::Copter => Ask::Takeoff { altitude_m },
+        Fly::Drive { corners, speed_mps } => {
+            Ask::Route { corners: corners.clone(), altitude_m: None, speed_mps: Some(*speed_mps) }
+        }
+        Fly::Turn(heading) => Ask::Yaw(*heading),
+        Fly::Stop => Ask::Stop,
+        Fly::Arm => Ask::Arm { force: true },
+        Fly::Disarm if is_landed => Ask::Disarm { force: true },
+        Fly::Disarm => Ask::Mode(Mode::Land),
+    }
+}
+
+#[cfg(test)]
+mod tests;

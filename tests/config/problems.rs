@@ -485,8 +485,8 @@ fn sensors_that_cannot_look_where_they_should_are_refused() {
     check_sim(
         "[range]\nfarness_m = 2.5\n[[range.sensor]]\nservo_from_deg = -30\nservo_to_deg = 30\n",
         &[
-            "configs/a.toml:1: range.beams_deg = [0.0, 25.0, -25.0, 50.0, -50.0] (the default): 50° is reached by no servo; directions within the limits of a [[range.sensor]] are allowed",
-            "configs/a.toml:1: range.beams_deg = [0.0, 25.0, -25.0, 50.0, -50.0] (the default): -50° is reached by no servo; directions within the limits of a [[range.sensor]] are allowed",
+            "configs/a.toml:1: range.beams_deg: 50° is reached by no servo; directions within the limits of a [[range.sensor]] are allowed",
+            "configs/a.toml:1: range.beams_deg: -50° is reached by no servo; directions within the limits of a [[range.sensor]] are allowed",
             "configs/a.toml:5: range.farness_m = 2.5: is nearer than sure_range_m: what stands there would be taken for free; at least sure_range_m is allowed",
         ],
     );
@@ -517,4 +517,25 @@ fn the_speed_limit_counts_the_turns_of_the_servos() {
     };
     assert!(is_refused(1.26));
     assert!(!is_refused(1.27));
+}
+
+#[test]
+fn copters_above_the_ceiling_and_winds_too_strong_are_refused() {
+    check_sim(
+        "[vehicles]\nkind = \"plane\"\nwind_mps = 9\n",
+        &[
+            "configs/a.toml:5: vehicles.kind = \"plane\": is no choice; \"rover\" or \"copter\" is allowed",
+            "configs/a.toml:6: vehicles.wind_mps = 9: is out of range; a number from 0 to 5 is allowed",
+        ],
+    );
+    check_sim(
+        "[vehicles]\nkind = \"copter\"\naltitude_m = 9.8\n",
+        &[
+            "configs/a.toml:6: vehicles.altitude_m = 9.8: with the height of a vehicle is above the ceiling of the venue, 10 m; a lower altitude is needed",
+        ],
+    );
+    check_sim(
+        "[vehicles]\naltitude_m = 9.8\n[[fault]]\nkind = \"gps\"\n",
+        &["configs/a.toml:6: fault[0].at_s: is missing; a number from 0 to 1000000 is allowed"],
+    );
 }

@@ -146,6 +146,7 @@ impl LiveWorld {
     fn report(&mut self, index: usize, said: &mut Vec<Said>) {
         if self.seats[index].driver.is_some() {
             said.push((index, FromWorld::Telemetry(self.outside.telemetry(index, self.now))));
+            self.touches.extend(self.outside.foreseen());
         }
     }
 

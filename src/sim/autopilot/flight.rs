@@ -1,0 +1,74 @@
+//! A body in space: it moves in the plane as [`Body`] does, and changes its altitude on the spot at an even rate. Closed
+//! form; nothing is known of modes and missions.
+
+use std::time::Duration;
+
+use super::super::body::{Body, BodyState};
+use crate::geom::{Angle, Attitude, Vector};
+use crate::time::Time;
+
+/// Gravity, m/s².
+const GRAVITY_MPS2: f64 = 9.80665;
+/// Drag of a small copter: acceleration for each m/s of air speed, 1/s.
+const DRAG_PER_S: f64 = 0.3;
+
+/// A change of altitude at an even rate.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub struct Climb {
+    /// When it begins.
+    pub since: Time,
+    /// Altitude then, metres.
+    pub from_m: f64,
+    /// Altitude at its end, metres.
+    pub to_m: f64,
+    /// How fast, m/s, positive.
+    pub rate_mps: f64,
+}
+
+impl Climb {
+    /// Gives an altitude that does not change.
+    pub fn level(altitude_m: f64) -> Climb {
+        Climb { since: Time::ZERO, from_m: altitude_m, to_m: altitude_m, rate_mps: 1.0 }
+    }
+
+    /// Gives when it is over.
+    pub fn until(&self) -> Time {
+        self.since + Duration::from_secs_f64((self.to_m - self.from_m).abs() / self.rate_mps)
+    }
+
+    /// Gives the altitude at a moment, metres.
+    pub fn altitude_m(&self, at: Time) -> f64 {
+        let way_m = at.since(self.since).as_secs_f64() * self.rate_mps;
+        let whole_m = self.to_m - self.from_m;
+        if way_m >= whole_m.abs() { self.to_m } else { self.from_m + way_m.copysign(whole_m) }
+    }
+
+    /// Gives when an altitude between its ends is passed.
+    pub fn time_at(&self, altitude_m: f64) -> Time {
+        self.since + Duration::from_secs_f64((altitude_m - self.from_m).abs() / self.rate_mps)
+    }
+
+    /// Gives how fast the altitude changes at a moment, m/s.
+    pub fn climb_mps(&self, at: Time) -> f64 {
+        if at < self.since || at >= self.until() {
+            0.0
+        } else {
+            self.rate_mps.copysign(self.to_m - self.from_m)
+        }
+    }
+}
+
+/// Gives how a copter lies that faces and moves like this in a wind: it leans so that its thrust carries its
+/// acceleration and the drag of its air speed.
+pub fn leaning(body: &Body, state: BodyState, at: Time, wind: Vector) -> Attitude {
+    let moves = Vector::polar(state.heading, state.speed_mps);
+    let needed = body.acceleration_at(at) + (moves - wind) * DRAG_PER_S;
+    let ahead = Vector::polar(state.heading, 1.0);
+    let (forward, left) = (ahead.dot(needed), ahead.cross(needed));
+    Attitude {
+        // Thrust to the right comes of a lowered right side, thrust ahead of a lowered nose.
+        roll: -Angle::from_radians(libm::atan2(left, GRAVITY_MPS2)),
+        pitch: -Angle::from_radians(libm::atan2(forward, GRAVITY_MPS2)),
+        yaw: state.heading,
+    }
+}
