@@ -6,7 +6,7 @@ use std::fmt::Write;
 use super::describe_nodes::{ground_lines, operator_lines, vehicle_lines};
 use crate::config::{
     Axis, Body, Config, Experiment, Fault, FaultKind, Imaging, Look, Planner, RandomPersons, Safety,
-    SceneFile, Sim, Sweep, Venue,
+    SceneFile, Sim, Sweep, Task, Venue,
 };
 use crate::geom::Point;
 use crate::time::Time;
@@ -144,11 +144,28 @@ fn sim_lines(sim: &Sim) -> Vec<Line> {
     list.extend(fleet_lines(sim));
     list.extend(sensing_lines(sim));
     list.extend(field_lines(sim));
-    list.push(sweep_line(&sim.sweep, sim.empty_sweep));
+    list.push(("mission", mission_text(&sim.task)));
+    if sim.task.is_planned_by_ground() {
+        list.push(sweep_line(&sim.sweep, sim.empty_sweep));
+    }
     list.extend(imaging_lines(&sim.imaging));
     list.extend(end_lines(sim));
     list.extend(sim.faults.iter().map(fault_line));
     list
+}
+
+/// Describes what vehicles are out for.
+pub(super) fn mission_text(task: &Task) -> String {
+    let places = |places: &[Point]| places.iter().map(place).collect::<Vec<String>>().join(" ");
+    match task {
+        Task::Sweep => "sweep: as the ground station plans".to_owned(),
+        Task::Legs { places: list } => format!("straight from place to place: {}", places(list)),
+        Task::Forward { distance_m } => format!("forward: {distance_m} m straight ahead"),
+        Task::Browse => "browse: a look around on the spot".to_owned(),
+        Task::Search => "search: all that can be reached, near to objects first".to_owned(),
+        Task::Pathfind { places: list } => format!("pathfind: visits {}", places(list)),
+        Task::Explore => "explore: all that can be reached, together".to_owned(),
+    }
 }
 
 fn fleet_lines(sim: &Sim) -> Vec<Line> {

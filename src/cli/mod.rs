@@ -46,6 +46,7 @@ pub mod status;
 mod stop;
 #[cfg(feature = "net")]
 pub mod tap;
+mod tracks;
 mod trials;
 #[cfg(feature = "net")]
 pub mod vehicle;

@@ -7,6 +7,7 @@ use serde_json::{Value, json};
 use super::error::CliError;
 use super::folder::OutputFolder;
 use super::recording::links_csv;
+use super::tracks::write_tracks;
 use crate::geom::Point;
 use crate::ground::imager::Subject;
 use crate::node::mission::End;
@@ -24,6 +25,14 @@ pub const FAMILY: &[&str] = &[
     "image.png",
     "structure.png",
     "map.png",
+    "track-1.waypoints",
+    "track-2.waypoints",
+    "track-3.waypoints",
+    "track-4.waypoints",
+    "track-5.waypoints",
+    "track-6.waypoints",
+    "track-7.waypoints",
+    "track-8.waypoints",
     "run.log",
     "summary.json",
 ];
@@ -256,6 +265,7 @@ pub fn write_data(folder: &mut OutputFolder, scenario: &Scenario, outcome: &Outc
     for (name, made) in images.iter().filter_map(|(name, made)| made.as_ref().map(|made| (name, made))) {
         folder.write(&format!("{name}.npy"), &npy_bytes(&made.image))?;
     }
+    write_tracks(folder, &scenario.sim().venue, &outcome.tracks)?;
     folder.write("run.log", outcome.log.as_bytes())
 }
 

@@ -85,7 +85,7 @@ impl Sim {
     ) -> Option<Sim> {
         let venue = load(root, "venue", loader, |root| Some(Venue::read(root)));
         let scene = load(root, "scene", loader, |root| Some(SceneFile::read(root)));
-        let task = Task::read(&root.section("mission"), venue.as_ref().map(|venue| venue.area));
+        let task = Task::read(&root.section("mission"), venue.as_ref(), loader);
         let allowed = if task.is_planned_by_ground() { allowed } else { PARTY };
         let fleet = Vehicles::read(&root.section("vehicles"), vehicles, allowed);
         let count = fleet.count;

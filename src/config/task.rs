@@ -1,7 +1,11 @@
 //! The section `[mission]`: what every vehicle is out for. Without it vehicles sweep: they follow the plans of the
 //! ground station. What a mission does with its places is decided by the vehicle, see `node::mission`.
 
+use super::problem::Problems;
 use super::section::{COORDINATE_M, Section};
+use super::venue::Venue;
+use super::waypoint_file::WaypointFile;
+use super::{Loader, beside};
 use crate::geom::{Point, Rect};
 
 /// The most places of a mission.
@@ -83,17 +87,19 @@ impl Task {
         }
     }
 
-    /// Reads the section; a square lies in the middle of `area` unless it says where.
-    pub(super) fn read(section: &Section, area: Option<Rect>) -> Task {
+    /// Reads the section, and the waypoint file that it may name; a square lies in the middle of the venue's area unless
+    /// it says where.
+    pub(super) fn read(section: &Section, venue: Option<&Venue>, loader: &mut Loader) -> Task {
+        let area = venue.map(|venue| venue.area);
         let task = match section.choice("kind", Kind::Sweep, &KINDS) {
             Kind::Sweep => Task::Sweep,
             Kind::Square => Task::Legs { places: closed(read_square(section, area)) },
-            Kind::Waypoints => Task::Legs { places: section.required_points("waypoints_m", 1..=MOST_PLACES) },
+            Kind::Waypoints => Task::Legs { places: read_places(section, venue, loader) },
             Kind::Forward => Task::Forward { distance_m: section.number("distance_m", 5.0, 0.1..=1000.0) },
             Kind::Browse => Task::Browse,
             Kind::Search => Task::Search,
-            Kind::Pathfind if section.has("waypoints_m") => {
-                Task::Pathfind { places: section.required_points("waypoints_m", 1..=MOST_PLACES) }
+            Kind::Pathfind if section.has("waypoints_m") || section.has("file") => {
+                Task::Pathfind { places: read_places(section, venue, loader) }
             }
             Kind::Pathfind => Task::Pathfind { places: read_square(section, area) },
             Kind::Explore => Task::Explore,
@@ -101,6 +107,53 @@ impl Task {
         section.finish();
         task
     }
+}
+
+/// Reads places, given as they are or by a file.
+fn read_places(section: &Section, venue: Option<&Venue>, loader: &mut Loader) -> Vec<Point> {
+    let Some(name) = section.text("file") else {
+        return section.required_points("waypoints_m", 1..=MOST_PLACES);
+    };
+    if section.has("waypoints_m") {
+        section.refuse("waypoints_m", "is given beside a file", "one of waypoints_m and file is allowed");
+    }
+    let path = beside(&section.source.file_of(&section.full("file")), &name);
+    let text = match loader(&path) {
+        Ok(text) => text,
+        Err(reason) => {
+            let needed = "a waypoint file (QGC WPL 110) or a plan of QGroundControl is needed";
+            section.refuse("file", &format!("{path} cannot be read: {reason}"), needed);
+            return Vec::new();
+        }
+    };
+    match (WaypointFile::read(&path, &text), venue) {
+        (Err(problems), _) => {
+            section.source.absorb(problems);
+            Vec::new()
+        }
+        (Ok(_), None) => Vec::new(),
+        (Ok(file), Some(venue)) => places_of(section, &path, &file, venue),
+    }
+}
+
+/// Gives the places of a waypoint file in the venue's frame; what lies outside the fence is refused by its line.
+fn places_of(section: &Section, path: &str, file: &WaypointFile, venue: &Venue) -> Vec<Point> {
+    let places = file.points(&venue.plane());
+    if places.is_empty() || places.len() > MOST_PLACES {
+        let wrong = format!("{path} leads to {} places", places.len());
+        section.refuse("file", &wrong, &format!("1 to {MOST_PLACES} places are allowed"));
+    }
+    let outside = places.iter().filter(|(_, at)| !venue.fence.contains(*at));
+    let problem = |(index, at): &(usize, Point)| {
+        let wrong = format!("leads to ({:.2}, {:.2}) m, outside the fence of the venue", at.x_m, at.y_m);
+        file.problem(path, *index, &wrong, "places inside the fence are allowed")
+    };
+    let problems: Vec<_> = outside.map(problem).collect();
+    if !problems.is_empty() {
+        section.source.absorb(Problems::new(path, problems));
+        return Vec::new();
+    }
+    places.into_iter().map(|(_, at)| at).collect()
 }
 
 /// Reads a square: its corners as the original's mission drives them, the first north-west.

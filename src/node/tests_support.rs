@@ -51,6 +51,7 @@ pub fn settings(vehicle: u8) -> Settings {
             battery_return: 0.2,
             battery_hold: 0.05,
         },
+        task: crate::node::Task::Plan,
         path_time: Duration::from_millis(20),
     }
 }

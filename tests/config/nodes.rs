@@ -338,7 +338,7 @@ fn the_examples_are_read_as_what_they_say() {
             Config::Vehicle(_) => "vehicle",
             Config::Ground(_) => "ground",
             Config::Operator(_) => "operator",
-            Config::Venue(_) | Config::Scene(_) | Config::Sim(_) => "another",
+            Config::Venue(_) | Config::Scene(_) | Config::Sim(_) | Config::Experiment(_) => "another",
         };
         assert_eq!(found, kind);
     }

@@ -407,6 +407,7 @@ fn settings(vehicle: u8, boot: u32) -> Settings {
             battery_return: 0.2,
             battery_hold: 0.05,
         },
+        task: tomoswarm::node::Task::Plan,
         path_time: Duration::from_millis(20),
     }
 }

@@ -52,6 +52,8 @@ const TRAIL: usize = 16;
 const TRAIL_STEP_M: f64 = 0.5;
 /// After so many refusals in a row, peers that stand are planned around.
 const REFUSALS_MAX: u32 = 4;
+/// So many paths in a row of which every command is refused, and the vehicle does not get on by itself.
+const REFUSED_PATHS_MAX: u32 = 3;
 /// Bumps are looked for along the way in steps of this length, metres.
 const STEP_M: f64 = 0.1;
 
@@ -139,6 +141,8 @@ pub struct Pilot {
     retreat_m: Option<f64>,
     /// Commands refused in a row.
     refusals: u32,
+    /// Paths in a row of which nothing was driven, since all commands were refused.
+    refused_paths: u32,
     /// Searches without a result in a row.
     failures: u32,
 }
@@ -164,6 +168,7 @@ impl Pilot {
             trail: VecDeque::new(),
             retreat_m: None,
             refusals: 0,
+            refused_paths: 0,
             failures: 0,
         }
     }
@@ -189,7 +194,7 @@ impl Pilot {
         self.way.clear(place);
         self.doing = Doing::Driving;
         (self.commanded_m, self.retreat_m) = (None, None);
-        (self.refusals, self.failures) = (0, 0);
+        (self.refusals, self.refused_paths, self.failures) = (0, 0, 0);
         (self.unknown, self.needs_path, self.is_strict) = (Unknown::Free, false, false);
     }
 
@@ -215,6 +220,11 @@ impl Pilot {
     /// Tells how many searches in a row have found nothing on the way that can be reached.
     pub fn failures(&self) -> u32 {
         self.failures
+    }
+
+    /// Tells whether the vehicle refuses whatever path is found.
+    pub fn is_refused(&self) -> bool {
+        self.refused_paths >= REFUSED_PATHS_MAX
     }
 
     /// Gives up the way to the next stop, which cannot be reached; gives the stops at it.
@@ -291,6 +301,9 @@ impl Pilot {
         self.remember(pose.at);
         if !resting {
             self.refusals = 0;
+        }
+        if state.mode == Mode::Driving {
+            self.refused_paths = 0;
         }
         self.pass(now, pose, resting, met);
         if self.way.is_empty() {
@@ -388,6 +401,7 @@ impl Pilot {
             return None;
         }
         if self.refusals >= REFUSALS_MAX || self.has_retreated(&release) || self.needs_path {
+            self.refused_paths += u32::from(self.refusals >= REFUSALS_MAX);
             self.refusals = 0;
             self.retreat_m = None;
             met.push(Met::Blocked(pose.at));

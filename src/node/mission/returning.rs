@@ -1,6 +1,6 @@
 //! The way home: one vehicle after the other, lower ids first, as their states or their beacons tell. Who yields to a
-//! lower id on its way steps back into the line, and so does who is barred by peers that stand: their turn comes early,
-//! and the known way is tried anew after them. Only when nobody moves any more it goes through the unknown.
+//! lower id on its way steps back into the line, and so does who is barred by peers that stand, or whose vehicle refuses
+//! every path: their turn comes early, and the known way is tried anew after them. Only when nobody moves any more it goes through the unknown.
 
 use std::time::Duration;
 
@@ -60,6 +60,9 @@ impl Mission {
         if self.pilot.way().is_empty() {
             (self.wanted, self.line) = (Wanted::Home, Line::default());
             out.push(Out::Remark(Remark::Home));
+        } else if self.pilot.is_refused() {
+            self.line.tries += 1;
+            self.step_back(now);
         }
     }
 

@@ -48,7 +48,15 @@ fn tile(x: i32, y: i32) -> In {
     })
 }
 
+/// How far a route passes from a place, metres, sampled every centimetre.
+fn passes_m(route: &[Point], place: Point) -> f64 {
+    let sample = |pair: &[Point], step: u32| pair[0].toward(pair[1], f64::from(step) / 2000.0);
+    let samples = route.windows(2).flat_map(|pair| (0..=2000).map(move |step| sample(pair, step)));
+    samples.map(|at| at.distance_to(place)).fold(f64::INFINITY, f64::min)
+}
+
 /// Vehicle 1 on the south side, ordered to its home on the north side, and its peers; whatever it looks at stays unknown.
+/// Its vehicle drives nothing that passes a peer within 1 m.
 struct Ring {
     mission: Mission,
     at: Point,
@@ -57,6 +65,9 @@ struct Ring {
     peers: Vec<Point>,
     tenth: u32,
     driven: Vec<Point>,
+    /// The vehicle refuses everything, as it would for a peer of which the mission does not know.
+    refuses: bool,
+    refused: u32,
 }
 
 impl Ring {
@@ -66,8 +77,9 @@ impl Ring {
         let tiles = (-1..5).flat_map(|x| (-1..5).map(move |y| tile(x, y)));
         tiles.for_each(|tile| drop(told(&mut mission, 0.0, tile)));
         let (at, heading, peers) = (Point::new(10.0, 0.0), Angle::default(), peers.to_vec());
+        let (route, driven) = (VecDeque::new(), Vec::new());
         let mut ring =
-            Ring { mission, at, heading, route: VecDeque::new(), peers, tenth: 0, driven: Vec::new() };
+            Ring { mission, at, heading, route, peers, tenth: 0, driven, refuses: false, refused: 0 };
         ring.run(1);
         told(&mut ring.mission, 1.0, order(OrderKind::Return));
         ring
@@ -103,14 +115,24 @@ impl Ring {
         out.extend(told(&mut self.mission, now_s, In::State(own)));
         for said in out {
             match said {
-                Out::Command(_, Command::Drive { route, .. }) => {
-                    self.route = route.into_iter().skip(1).collect()
-                }
+                Out::Command(_, Command::Drive { route, .. }) => self.drive(now_s, route),
                 Out::Command(_, Command::Turn(heading)) => self.heading = heading,
                 Out::Command(_, Command::Hold) => self.route.clear(),
                 Out::Holds(_) | Out::Accepted(..) | Out::Progress(_) | Out::Measure(_) | Out::Remark(_) => {}
             }
         }
+    }
+
+    /// Obeys a command, or refuses it as the vehicle actor would.
+    fn drive(&mut self, now_s: f64, route: Vec<Point>) {
+        let near = |peer: &&Point| passes_m(&route, **peer) < 0.99;
+        if self.refuses || self.peers.iter().find(near).is_some() {
+            self.refused += 1;
+            let refusal = vehicle::Refusal::Separation(VehicleId(2));
+            told(&mut self.mission, now_s, In::Remark(vehicle::Remark::Refused(refusal)));
+            return;
+        }
+        self.route = route.into_iter().skip(1).collect();
     }
 
     fn is_home(&self) -> bool {
@@ -147,5 +169,43 @@ fn who_got_stuck_in_the_unknown_goes_home_over_the_ring_once_the_others_have_lef
     assert!(!ring.is_home());
     ring.peers[1] = ASIDE;
     ring.run(120);
+    assert!(ring.is_home(), "still at {:?}", ring.at);
+}
+
+#[test]
+fn beside_a_stander_it_plans_a_way_that_the_vehicle_does_not_refuse() {
+    // From 1.02 to 1.2 m away, at both sides of the ring: it could pass at 0.9 m, or go round at 1.2 m.
+    for (x_m, y_m) in [(10.75, 0.75), (10.8, 0.8), (10.8, 0.65), (9.2, 0.75), (10.75, -0.75), (9.2, -0.75)] {
+        let mut ring = Ring::new(&[Point::new(x_m, y_m)]);
+        ring.run(60);
+        assert!(ring.is_home(), "{x_m}, {y_m}: still at {:?}", ring.at);
+        assert_eq!(ring.refused, 0, "{x_m}, {y_m}");
+    }
+}
+
+#[test]
+fn face_to_face_on_the_ring_it_turns_back_and_goes_the_other_way_round() {
+    for ahead_m in [1.02, 1.1, 1.19, 1.35] {
+        let mut ring = Ring::new(&[Point::new(10.0 + ahead_m, 0.0)]);
+        ring.run(60);
+        assert!(ring.is_home(), "{ahead_m}: still at {:?}", ring.at);
+        assert_eq!(ring.refused, 0, "{ahead_m}");
+    }
+}
+
+#[test]
+fn who_is_refused_every_path_lets_the_others_go_first_and_tries_again() {
+    let mut ring = Ring::new(&[ASIDE]);
+    ring.refuses = true;
+    let mut stepped_back = 0;
+    for _ in 0..60 {
+        ring.run(1);
+        let waits = matches!(ring.mission.wanted, Wanted::Returning { under_way: false, .. });
+        stepped_back += u32::from(waits);
+    }
+    assert!(stepped_back > 2, "it never let others go");
+    assert!(ring.refused > 4 && ring.driven.is_empty());
+    ring.refuses = false;
+    ring.run(90);
     assert!(ring.is_home(), "still at {:?}", ring.at);
 }

@@ -76,6 +76,7 @@ fn settings() -> Settings {
             battery_return: 0.2,
             battery_hold: 0.05,
         },
+        task: crate::node::Task::Plan,
         path_time: Duration::from_millis(50),
     }
 }

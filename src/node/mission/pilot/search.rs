@@ -4,7 +4,7 @@
 use tomoswarm_proto::State;
 
 use super::{Doing, Pilot, Unknown};
-use crate::geom::{Point, Pose, Segment};
+use crate::geom::{Point, Pose, Segment, Track};
 use crate::map::CellRect;
 use crate::node::vehicle::Bump;
 use crate::plan::{Grid, MAX_GRID_CELLS, Rules, shortest_route};
@@ -16,6 +16,8 @@ const RETREAT_M: f64 = 1.0;
 const SEARCH_MARGIN_M: f64 = 6.0;
 /// A vehicle too near to something may leave it this far, metres.
 const ESCAPE_M: f64 = 1.0;
+/// Who stands too near to a peer may leave it over places this near, metres.
+const LEAVE_M: f64 = 0.6;
 
 /// How paths are searched.
 pub const RULES: Rules = Rules { diagonal: true, cut_corners: false, escape_m: ESCAPE_M };
@@ -92,7 +94,8 @@ impl Pilot {
     ) -> Option<Vec<Point>> {
         let area = self.area(pose.at, goal)?;
         let grid = self.grid(now, pose, goal, area, unknown_allowed, peers)?;
-        shortest_route(&grid, pose.at, goal, &RULES).ok().map(|route| route.points)
+        let points = shortest_route(&grid, pose.at, goal, &RULES).ok()?.points;
+        peers.iter().all(|claim| self.keeps_clear_of(claim, &points)).then_some(points)
     }
 
     /// Gives where the vehicle may be within an area, on its way to a goal; `None` when the area is too large.
@@ -125,6 +128,16 @@ impl Pilot {
         self.grid(now, pose, goal, area, unknown_allowed, peers)
     }
 
+    /// Tells whether a route keeps its distance from a peer, or leads away from it, as the vehicle actor asks.
+    fn keeps_clear_of(&self, claim: &[Point], route: &[Point]) -> bool {
+        let (Some(claim), Some(route)) = (Track::new(claim.to_vec()), Track::new(route.to_vec())) else {
+            return true;
+        };
+        let (nearest_m, here_m) = (route.distance_to(&claim), claim.distance_to_point(route.start()));
+        let leads_away = nearest_m >= here_m - 1e-3 && claim.distance_to_point(route.end()) > here_m;
+        leads_away || nearest_m >= self.settings.safety.separation_m
+    }
+
     /// Gives where to search: around start and goal, and for the way home in all of the fence, since what is known may
     /// lead the long way round; `None` when that is too large. (Asked before the view is made: that of a far-off place
     /// would be as large as the way to it.)
@@ -152,17 +165,34 @@ impl Pilot {
         let edge_m = fence.distance_to_edge(pose.at).min(fence.distance_to_edge(goal)) - cell_m;
         let fence_m = self.half_width_m(pose).min(edge_m).max(radius_m);
         grid.close_where(|place| !fence.contains_disc(place, fence_m));
-        let mut keep = |claim: Segment, keep_m: f64| {
-            let keep_m = (keep_m + cell_m).min(claim.distance_to_point(pose.at) - cell_m);
-            grid.close_within(claim, keep_m);
-        };
         for claim in peers {
-            let separation_m = self.settings.safety.separation_m;
-            claim.first().iter().for_each(|at| keep(Segment::new(**at, **at), separation_m));
-            claim.windows(2).for_each(|pair| keep(Segment::new(pair[0], pair[1]), separation_m));
+            claim.first().iter().for_each(|at| self.keep_from(grid, pose.at, Segment::new(**at, **at)));
+            let pieces = claim.windows(2).map(|pair| Segment::new(pair[0], pair[1]));
+            pieces.for_each(|piece| self.keep_from(grid, pose.at, piece));
         }
         for bump in self.bumps.iter().filter(|bump| bump.until > now) {
-            keep(Segment::new(bump.at, bump.at), bump.keep_m);
+            let keep_m = (bump.keep_m + cell_m).min(bump.at.distance_to(pose.at) - cell_m);
+            grid.close_within(Segment::new(bump.at, bump.at), keep_m);
         }
+    }
+
+    /// Closes what lies too near to a peer's claim. Who stands too near already may leave: through the cells beside it
+    /// to which a straight line does not lead any nearer.
+    fn keep_from(&self, grid: &mut Grid, from: Point, claim: Segment) {
+        let (lattice, separation_m) = (self.settings.lattice, self.settings.safety.separation_m);
+        let keep_m = separation_m + lattice.cell_m();
+        let here_m = claim.distance_to_point(from);
+        if here_m > keep_m + lattice.cell_m() {
+            return grid.close_within(claim, keep_m);
+        }
+        let start = lattice.cell_at(from);
+        let leaves = |place: Point| {
+            let leads_m = Segment::new(from, place).distance_to(claim);
+            let is_beside = place.distance_to(from) <= LEAVE_M;
+            is_beside && claim.distance_to_point(place) >= here_m && leads_m >= here_m.min(separation_m)
+        };
+        grid.close_where(|place| {
+            claim.distance_to_point(place) <= keep_m && lattice.cell_at(place) != start && !leaves(place)
+        });
     }
 }
