@@ -5,10 +5,11 @@ use std::fmt::Write;
 
 use super::describe_nodes::{ground_lines, operator_lines, vehicle_lines};
 use crate::config::{
-    Axis, Body, Config, Experiment, Fault, FaultKind, Imaging, Look, Planner, RandomPersons, Safety,
-    SceneFile, Sim, Sweep, Task, Venue,
+    Axis, Body, Config, Experiment, Fault, FaultKind, Imaging, Lobe, Look, Planner, RandomPersons,
+    RangeSensor, Safety, SceneFile, Sim, Sweep, Task, Venue,
 };
 use crate::geom::Point;
+use crate::plan::Mount;
 use crate::time::Time;
 
 /// Describes a configuration; ends in a line break.
@@ -215,7 +216,9 @@ fn sensing_lines(sim: &Sim) -> Vec<Line> {
                 range.height_m
             ),
         ),
+        ("lobe", lobe_in_words(range)),
         beams_line(&range.look()),
+        sensors_line(&range.look()),
         safety_line(safety),
         alone_line(safety),
     ]
@@ -229,12 +232,38 @@ pub(super) fn beams_line(look: &Look) -> Line {
     ("beams", text)
 }
 
+fn lobe_in_words(range: &RangeSensor) -> String {
+    let lobe = match range.lobe {
+        Lobe::Beam => "an ideal beam",
+        Lobe::Fan => "a flat fan",
+        Lobe::Cone => "a cone",
+    };
+    let glitches = range.glitch_share * 100.0;
+    format!("{lobe}, {glitches} % of the readings are glitches")
+}
+
+/// Describes which range sensor looks where.
+pub(super) fn sensors_line(look: &Look) -> Line {
+    let sensor = |mount: &Mount| {
+        let (zero, slew_s) = (mount.zero.degrees(), mount.slew_s_per_rad * 60f64.to_radians());
+        let (from, to) = (mount.from_rad.to_degrees(), mount.to_rad.to_degrees());
+        if mount.from_rad == mount.to_rad {
+            return format!("fixed at {:.0}°", zero + from);
+        }
+        format!("at {zero:.0}°, servo {from:.0}° to {to:.0}°, 60° in {slew_s:.2} s")
+    };
+    let sensors: Vec<String> = look.mounts.all().iter().map(sensor).collect();
+    let far = format!("echoes beyond {} m are ignored", look.farness_m);
+    ("sensors", format!("{}; a round takes {:?}; {far}", sensors.join("; "), look.cycle()))
+}
+
 /// Describes the margins that vehicles keep.
 pub(super) fn safety_line(safety: &Safety) -> Line {
     let text = format!(
-        "padding {} m, separation {} m, pose deviation up to {} m; without bus {:?}, home at {:.0} % of the battery",
+        "padding {} m, separation {} m, halts nearer than {} m, pose deviation up to {} m; without bus {:?}, home at {:.0} % of the battery",
         safety.padding_m,
         safety.separation_m,
+        safety.closeness_m,
         safety.pose_sd_max_m,
         safety.autonomy,
         safety.battery_return * 100.0

@@ -47,7 +47,7 @@ pub use radio::{Bus, OwnRadio, Partition, Radio};
 pub use scene::{Material, Object, Outline, Person, RandomPersons, SceneFile, Up};
 pub use sim::Sim;
 pub use task::Task;
-pub use vehicle::{Body, Look, RangeSensor, Safety, Vehicles};
+pub use vehicle::{Body, Lobe, Look, RangeSensor, Safety, Vehicles};
 pub use vehicle_file::{Record, VehicleFile, World};
 pub use venue::{Datum, Venue};
 pub use waypoint_file::{

@@ -19,6 +19,9 @@ pub enum Turn {
 pub struct Angle(f64);
 
 impl Angle {
+    /// Along the x axis.
+    pub const ZERO: Angle = Angle(0.0);
+
     /// Makes an angle from radians; any finite value is wrapped into (−π, π].
     pub fn from_radians(radians_rad: f64) -> Angle {
         if radians_rad > -PI && radians_rad <= PI {

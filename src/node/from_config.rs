@@ -113,10 +113,11 @@ fn look_settings(look: &Look) -> LookSettings {
         beams: look.beams.clone(),
         half_angle: Angle::from_radians(look.half_angle_rad),
         min_range_m: look.min_range_m,
-        max_range_m: look.max_range_m,
+        max_range_m: look.max_range_m.min(look.farness_m),
         sure_range_m: look.sure_range_m,
         period: look.scan_period,
         settle: look.settle,
+        mounts: look.mounts.clone(),
     }
 }
 
@@ -128,5 +129,6 @@ fn safety_settings(safety: &Safety) -> SafetySettings {
         autonomy: safety.autonomy,
         battery_return: safety.battery_return,
         battery_hold: safety.battery_hold,
+        closeness_m: safety.closeness_m,
     }
 }

@@ -11,6 +11,7 @@ mod frontier;
 mod grid;
 #[cfg(test)]
 mod looking;
+mod mounts;
 mod smooth;
 mod speed;
 mod swath;
@@ -20,5 +21,6 @@ pub use corridor::{Corridor, Release};
 pub use distance::Distances;
 pub use frontier::{Cluster, FrontierError, Frontiers};
 pub use grid::{Grid, GridError, MAX_GRID_CELLS, swept_clearance_m};
+pub use mounts::{Aim, Choice, Mount, Mounts, Pointing};
 pub use smooth::{Route, route_along, shortest_route};
 pub use speed::{Sight, SpeedError, stopping_distance_m};

@@ -303,7 +303,7 @@ impl Kernel {
                 let touches = self.outside.fly(vehicle, self.now, &fly);
                 self.foresee(touches);
             }
-            node::Effect::Steer(beam) => self.outside.steer(vehicle, beam),
+            node::Effect::Steer(beam) => self.outside.steer(vehicle, self.now, beam),
             node::Effect::Ping(_) | node::Effect::Transmit(_) if self.ended.is_some() => {}
             node::Effect::Ping(ping) => self.ping(vehicle, ping.number),
             node::Effect::Transmit(beacon) => self.transmit(vehicle, beacon),

@@ -1,6 +1,7 @@
 //! The world in virtual time: kernel, bodies, simulated drivers, radio field, bus.
 
 mod air;
+pub mod attitude;
 pub mod body;
 pub mod bus;
 pub mod contact;

@@ -13,7 +13,7 @@ use super::noise::{Noise, Purpose};
 use super::outcome::{Outcome, Recorder};
 use super::outside::{Outside, first_telemetry};
 use super::radio_field::{RadioConstants, RadioField};
-use super::range::{RangeModel, RangeSensor};
+use super::range::{Lobe, RangeModel, RangeSensor};
 use super::script::{EMPTY_RUN, RUN, Script};
 use super::world::{Build, Stage, World};
 use crate::actor::Fault;
@@ -287,7 +287,8 @@ impl Scenario {
             noise,
             RadioField::new(noise, radio_constants(&sim.radio)),
             RangeSensor::new(self.range()),
-        );
+        )
+        .with_mounts(sim.range.mounts.clone());
         for vehicle in sim.vehicle_ids() {
             let Some(home) = sim.home(vehicle) else { continue };
             let heading = home.angle_to(sim.venue.area.centre());
@@ -323,6 +324,12 @@ impl Scenario {
             max_m: range.max_range_m,
             incidence_max_rad: range.incidence_limit_rad,
             sd_m: range.noise_sd_m,
+            lobe: match range.lobe {
+                config::Lobe::Beam => Lobe::Beam,
+                config::Lobe::Fan => Lobe::Fan,
+                config::Lobe::Cone => Lobe::Cone,
+            },
+            glitch_share: range.glitch_share,
             ..RangeModel::default()
         }
     }

@@ -469,7 +469,7 @@ impl Pilot {
             self.doing = Doing::Driving;
             return self.drive(now, pose, resting, met);
         }
-        let cycle = self.settings.look.period * self.settings.look.beams.len() as u32;
+        let cycle = self.settings.look.cycle();
         match look.next(now, pose.heading, resting, cycle * 3) {
             Next::Turn(heading) => {
                 self.commanded_at = now;
