@@ -135,26 +135,13 @@ impl SimArgs {
     /// A file cannot be written, or the mission failed.
     pub(super) fn publish(
         &self,
-        mut folder: OutputFolder,
+        folder: OutputFolder,
         scenario: &Scenario,
         outcome: &Outcome,
-        (seed, wall): (u64, Duration),
+        took: (u64, Duration),
         out: &mut dyn Write,
     ) -> Result<(), CliError> {
-        write_data(&mut folder, scenario, outcome)?;
-        if !self.no_pictures {
-            write_pictures(&mut folder, scenario, outcome)?;
-        }
-        let report = Report::new(scenario, outcome, seed, wall);
-        report.write(&mut folder)?;
-        let target = folder.publish()?;
-        let kinds = if self.no_pictures { "data" } else { "pictures and data" };
-        let text = format!("{}written: {} ({kinds})\n", report.text(), target.display());
-        let written = out.write_all(text.as_bytes()).and_then(|()| out.flush());
-        written.map_err(|source| CliError::Write { path: "standard output".into(), source })?;
-        let collisions = outcome.collisions.len();
-        let broken = why_failed(outcome.failure.as_deref(), collisions, outcome.fence_breaches);
-        broken.map_or(Ok(()), |reason| Err(CliError::Mission(reason)))
+        publish(folder, scenario, outcome, !self.no_pictures, took, out)
     }
 
     #[cfg(not(feature = "net"))]
@@ -217,6 +204,34 @@ impl SimArgs {
     }
 }
 
+/// Writes everything that a run leaves behind, and says how it went.
+///
+/// # Errors
+/// A file cannot be written, or the mission failed.
+pub(super) fn publish(
+    mut folder: OutputFolder,
+    scenario: &Scenario,
+    outcome: &Outcome,
+    with_pictures: bool,
+    (seed, wall): (u64, Duration),
+    out: &mut dyn Write,
+) -> Result<(), CliError> {
+    write_data(&mut folder, scenario, outcome)?;
+    if with_pictures {
+        write_pictures(&mut folder, scenario, outcome)?;
+    }
+    let report = Report::new(scenario, outcome, seed, wall);
+    report.write(&mut folder)?;
+    let target = folder.publish()?;
+    let kinds = if with_pictures { "pictures and data" } else { "data" };
+    let text = format!("{}written: {} ({kinds})\n", report.text(), target.display());
+    let written = out.write_all(text.as_bytes()).and_then(|()| out.flush());
+    written.map_err(|source| CliError::Write { path: "standard output".into(), source })?;
+    let collisions = outcome.collisions.len();
+    let broken = why_failed(outcome.failure.as_deref(), collisions, outcome.fence_breaches);
+    broken.map_or(Ok(()), |reason| Err(CliError::Mission(reason)))
+}
+
 /// Says why a mission failed: it did not end, or a contract was broken on the way. `None` when all is well.
 fn why_failed(failure: Option<&str>, collisions: usize, fence_breaches: usize) -> Option<String> {
     let counted = |count: usize, what: &str| (count > 0).then(|| format!("{what}: {count}"));
@@ -244,7 +259,10 @@ pub(super) fn started() -> Instant {
 }
 
 /// Runs with a progress line, until it is asked to stop.
-fn watched(
+///
+/// # Errors
+/// The scenario is impossible, or the program is at fault.
+pub(super) fn watched(
     stop: &Stop,
     started: Instant,
     run: impl FnOnce(&mut dyn FnMut(&Status) -> bool) -> Result<Outcome, RunError>,

@@ -13,6 +13,9 @@ use crate::cli::error::CliError;
 use crate::cli::stop::Stop;
 use crate::sim::{RunError, Status};
 
+/// Keeps a row, of all rows so far the last.
+pub(super) type Keep<'a> = dyn FnMut(&Row, &[Row]) -> Result<(), CliError> + 'a;
+
 /// What all threads share.
 struct Shared<'a> {
     grid: &'a Grid,
@@ -34,7 +37,7 @@ pub(super) fn run_rest(
     threads: usize,
     stop: &Stop,
     rows: &mut Vec<Row>,
-    keep: &mut dyn FnMut(&Row, &[Row]) -> Result<(), CliError>,
+    keep: &mut Keep<'_>,
 ) -> Result<(), CliError> {
     let done: BTreeSet<usize> = rows.iter().map(|row| row.run).collect();
     let left: Vec<usize> = (0..grid.experiment().runs()).filter(|run| !done.contains(run)).collect();
