@@ -17,6 +17,7 @@ pub mod export;
 #[cfg(feature = "net")]
 mod flight;
 mod folder;
+mod frame;
 #[cfg(feature = "net")]
 pub mod ground;
 pub mod image;
@@ -39,6 +40,7 @@ pub mod recording;
 #[cfg(feature = "net")]
 pub mod replay;
 mod report;
+mod screen;
 pub mod sim;
 #[cfg(feature = "net")]
 pub mod status;
@@ -48,6 +50,7 @@ pub mod tap;
 mod trials;
 #[cfg(feature = "net")]
 pub mod vehicle;
+mod watch;
 #[cfg(feature = "net")]
 pub mod world;
 

@@ -18,6 +18,7 @@ pub mod radio_field;
 pub mod range;
 mod scenario;
 pub mod script;
+mod shown;
 mod world;
 
 pub use entry::Entry;
@@ -25,4 +26,5 @@ pub use kernel::Status;
 pub use outcome::{Counts, Found, Outcome};
 pub use scenario::{RunError, Scenario, ScenarioError};
 pub use script::{EMPTY_RUN, RUN};
+pub use shown::{Shown, ShownVehicle};
 pub use world::{Collision, Stage, Touch};
