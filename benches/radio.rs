@@ -90,7 +90,7 @@ fn range() {
         (distance_m > 0.0 && distance_m <= max_m).then_some((distance_m, [-1.0, 0.0, 0.0]))
     };
     let noise = Noise::new(1);
-    let discs = [Disc { centre: Point::new(2.0, 0.3), radius_m: 0.3 }];
+    let discs = [Disc { centre: Point::new(2.0, 0.3), radius_m: 0.3, low_m: 0.0, high_m: 1.8 }];
     let around = Surroundings { cast: &wall, discs: &discs };
     measure("range: echo, plane wall, 1 disc", 1_000_000, |id| {
         black_box(sensor.echo([0.0, 0.0, 0.2], Angle::default(), around, &noise, &[id]));

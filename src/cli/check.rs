@@ -7,6 +7,7 @@ use std::path::{Path, PathBuf};
 
 use super::describe::describe;
 use super::error::CliError;
+use super::experiment;
 use super::image::{bounds, read_file};
 use super::load;
 use super::read;
@@ -23,13 +24,14 @@ const NAMES_SHOWN: usize = 30;
 #[derive(clap::Args, Debug)]
 #[command(after_help = AFTER_HELP)]
 pub struct CheckArgs {
-    /// Files to check: .toml (venue, scene, sim, vehicle, ground, operator), .wrl (shapes), .csv and .json (recordings)
+    /// Files to check: .toml (venue, scene, sim, vehicle, ground, operator, experiment), .wrl (shapes), .csv and .json (recordings)
     #[arg(required = true, value_name = "FILE")]
     pub files: Vec<PathBuf>,
 }
 
 const AFTER_HELP: &str = "\
-A simulation is checked together with the venue, the scene and the shapes that it names.
+A simulation is checked together with the venue, the scene and the shapes that it names, an experiment with every
+simulation of its grid.
 
 Examples:
   tomoswarm check configs/courtyard.sim.toml          a simulation and all that it names
@@ -112,6 +114,7 @@ fn understand_config(path: &Path) -> Result<String, CliError> {
             check_materials(path, scene, &shapes)?;
             understood += &shapes_lines(&shapes);
         }
+        Config::Experiment(_) => experiment::check(path)?,
         Config::Venue(_) | Config::Vehicle(_) | Config::Ground(_) | Config::Operator(_) => {}
     }
     Ok(understood)

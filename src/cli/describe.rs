@@ -5,10 +5,11 @@ use std::fmt::Write;
 
 use super::describe_nodes::{ground_lines, operator_lines, vehicle_lines};
 use crate::config::{
-    Body, Config, Fault, FaultKind, Imaging, Look, Planner, RandomPersons, Safety, SceneFile, Sim, Sweep,
-    Venue,
+    Axis, Body, Config, Experiment, Fault, FaultKind, Imaging, Lobe, Look, Planner, RandomPersons,
+    RangeSensor, Safety, SceneFile, Sim, Sweep, Task, Venue,
 };
 use crate::geom::Point;
+use crate::plan::Mount;
 use crate::time::Time;
 
 /// Describes a configuration; ends in a line break.
@@ -20,6 +21,9 @@ pub fn describe(config: &Config) -> String {
         Config::Vehicle(file) => format!("a vehicle's node\n{}", lines(&vehicle_lines(file))),
         Config::Ground(file) => format!("a ground station's node\n{}", lines(&ground_lines(file))),
         Config::Operator(file) => format!("an operator's commands\n{}", lines(&operator_lines(file))),
+        Config::Experiment(experiment) => {
+            format!("an experiment\n{}", lines(&experiment_lines(experiment)))
+        }
     }
 }
 
@@ -33,6 +37,21 @@ fn lines(list: &[Line]) -> String {
         let _ = writeln!(text, "  {name:<12} {value}");
     }
     text
+}
+
+/// Values of an axis that are listed.
+const VALUES_SHOWN: usize = 20;
+
+fn experiment_lines(experiment: &Experiment) -> Vec<Line> {
+    let runs = format!("{} runs of experiment {}", experiment.runs(), experiment.name);
+    let mut list = vec![("grid", runs)];
+    for axis in Axis::ALL.into_iter().filter(|axis| experiment.has(*axis)) {
+        let names = experiment.names(axis);
+        let rest = if names.len() > VALUES_SHOWN { " …" } else { "" };
+        let shown = names[..names.len().min(VALUES_SHOWN)].join(" ");
+        list.push((axis.word(), format!("{}: {shown}{rest}", names.len())));
+    }
+    list
 }
 
 /// Describes a place.
@@ -126,11 +145,28 @@ fn sim_lines(sim: &Sim) -> Vec<Line> {
     list.extend(fleet_lines(sim));
     list.extend(sensing_lines(sim));
     list.extend(field_lines(sim));
-    list.push(sweep_line(&sim.sweep, sim.empty_sweep));
+    list.push(("mission", mission_text(&sim.task)));
+    if sim.task.is_planned_by_ground() {
+        list.push(sweep_line(&sim.sweep, sim.empty_sweep));
+    }
     list.extend(imaging_lines(&sim.imaging));
     list.extend(end_lines(sim));
     list.extend(sim.faults.iter().map(fault_line));
     list
+}
+
+/// Describes what vehicles are out for.
+pub(super) fn mission_text(task: &Task) -> String {
+    let places = |places: &[Point]| places.iter().map(place).collect::<Vec<String>>().join(" ");
+    match task {
+        Task::Sweep => "sweep: as the ground station plans".to_owned(),
+        Task::Legs { places: list } => format!("straight from place to place: {}", places(list)),
+        Task::Forward { distance_m } => format!("forward: {distance_m} m straight ahead"),
+        Task::Browse => "browse: a look around on the spot".to_owned(),
+        Task::Search => "search: all that can be reached, near to objects first".to_owned(),
+        Task::Pathfind { places: list } => format!("pathfind: visits {}", places(list)),
+        Task::Explore => "explore: all that can be reached, together".to_owned(),
+    }
 }
 
 fn fleet_lines(sim: &Sim) -> Vec<Line> {
@@ -180,7 +216,9 @@ fn sensing_lines(sim: &Sim) -> Vec<Line> {
                 range.height_m
             ),
         ),
+        ("lobe", lobe_in_words(range)),
         beams_line(&range.look()),
+        sensors_line(&range.look()),
         safety_line(safety),
         alone_line(safety),
     ]
@@ -194,12 +232,38 @@ pub(super) fn beams_line(look: &Look) -> Line {
     ("beams", text)
 }
 
+fn lobe_in_words(range: &RangeSensor) -> String {
+    let lobe = match range.lobe {
+        Lobe::Beam => "an ideal beam",
+        Lobe::Fan => "a flat fan",
+        Lobe::Cone => "a cone",
+    };
+    let glitches = range.glitch_share * 100.0;
+    format!("{lobe}, {glitches} % of the readings are glitches")
+}
+
+/// Describes which range sensor looks where.
+pub(super) fn sensors_line(look: &Look) -> Line {
+    let sensor = |mount: &Mount| {
+        let (zero, slew_s) = (mount.zero.degrees(), mount.slew_s_per_rad * 60f64.to_radians());
+        let (from, to) = (mount.from_rad.to_degrees(), mount.to_rad.to_degrees());
+        if mount.from_rad == mount.to_rad {
+            return format!("fixed at {:.0}°", zero + from);
+        }
+        format!("at {zero:.0}°, servo {from:.0}° to {to:.0}°, 60° in {slew_s:.2} s")
+    };
+    let sensors: Vec<String> = look.mounts.all().iter().map(sensor).collect();
+    let far = format!("echoes beyond {} m are ignored", look.farness_m);
+    ("sensors", format!("{}; a round takes {:?}; {far}", sensors.join("; "), look.cycle()))
+}
+
 /// Describes the margins that vehicles keep.
 pub(super) fn safety_line(safety: &Safety) -> Line {
     let text = format!(
-        "padding {} m, separation {} m, pose deviation up to {} m; without bus {:?}, home at {:.0} % of the battery",
+        "padding {} m, separation {} m, halts nearer than {} m, pose deviation up to {} m; without bus {:?}, home at {:.0} % of the battery",
         safety.padding_m,
         safety.separation_m,
+        safety.closeness_m,
         safety.pose_sd_max_m,
         safety.autonomy,
         safety.battery_return * 100.0

@@ -1,7 +1,9 @@
 //! What was understood of the file of a node (vehicle, ground station, operator), in a few lines for a person. Opens
 //! none of the files that it names.
 
-use super::describe::{Line, beams_line, imaging_lines, motion_line, safety_line, sweep_line, venue_lines};
+use super::describe::{
+    Line, beams_line, imaging_lines, motion_line, safety_line, sensors_line, sweep_line, venue_lines,
+};
 use crate::config::{BusFile, Endpoint, GroundFile, OperatorFile, Record, Topology, VehicleFile};
 
 /// The most vehicles that a sweep is planned for.
@@ -34,6 +36,7 @@ pub(super) fn vehicle_lines(file: &VehicleFile) -> Vec<Line> {
             ),
         ),
         beams_line(look),
+        sensors_line(look),
         safety_line(&file.safety),
         ("radio", format!("channel {}, power {} dBm, slot {:?}", radio.channel, radio.power_dbm, radio.slot)),
         ("drivers", format!("all simulated, by the world at {}", file.world.connect)),

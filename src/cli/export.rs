@@ -15,9 +15,7 @@ use crate::config::{self, Config, Venue};
 use crate::draw::{HeatMap, OccupancyMap, Overlay, Picture, Placement};
 use crate::geom::{Lattice, Point};
 use crate::map::Merged;
-use crate::store::export::{
-    Features, SAMPLES_HEADER, extend_track, plane_of, sample_line, utc_text, world_file,
-};
+use crate::store::export::{Features, SAMPLES_HEADER, extend_track, sample_line, utc_text, world_file};
 use crate::store::ground::{GroundStore, Provenance, StoredImage, StoredRun, StoredSample};
 use crate::tomo::{Image, LinkBins, Peak, npy_bytes};
 
@@ -204,7 +202,7 @@ fn heat(made: &StoredImage) -> HeatMap<'_> {
 fn world(venue: &Venue, placement: Result<Placement, crate::draw::DrawError>) -> Result<String, CliError> {
     let Placement { corner, metres_per_px } =
         placement.map_err(|error| CliError::Fault(error.to_string()))?;
-    Ok(world_file(&plane_of(venue), corner, metres_per_px))
+    Ok(world_file(&venue.plane(), corner, metres_per_px))
 }
 
 /// Writes the map that all vehicles have made together.

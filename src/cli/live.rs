@@ -59,6 +59,11 @@ pub fn run(args: &SimArgs, out: &mut dyn Write) -> Result<(), CliError> {
         let refused = "a mission that is to fail (expect) is for virtual time; it cannot be run live";
         return Err(CliError::Usage(refused.to_owned()));
     }
+    if !scenario.sim().task.is_planned_by_ground() {
+        let refused =
+            "only a sweep is run live; in the field, [mission] of a vehicle's file says what it is out for";
+        return Err(CliError::Usage(refused.to_owned()));
+    }
     let seed = args.seed.unwrap_or(scenario.sim().seed);
     let target = args.out.clone().unwrap_or_else(|| default_folder(&scenario, seed));
     let stop = Stop::listen();

@@ -21,6 +21,18 @@ pub struct Loaded {
     pub venue_text: String,
 }
 
+impl Loaded {
+    /// Puts together a simulation and its shapes that were read elsewhere; the venue's text is not known.
+    pub fn new(sim: Sim, shapes: VrmlScene) -> Loaded {
+        Loaded {
+            sim,
+            shapes,
+            #[cfg(feature = "net")]
+            venue_text: String::new(),
+        }
+    }
+}
+
 /// What reads a simulation's file.
 type Read = fn(&str, &str, Option<usize>, &mut config::Loader<'_>) -> Result<Sim, Problems>;
 
@@ -132,6 +144,7 @@ pub fn scenario(loaded: Loaded, file: Option<&Path>, seed: Option<u64>) -> Resul
     let refused = |reason| CliError::Input { path, reason };
     match Scenario::new(loaded.sim, loaded.shapes.shapes, seed) {
         Err(error) => Err(refused(error.to_string())),
+        Ok(scenario) if !scenario.sim().task.is_planned_by_ground() => Ok(scenario),
         Ok(scenario) => match planned(&scenario) {
             Err(error) => Err(refused(format!("no sweep can be planned: {error}"))),
             Ok(_) => Ok(scenario),

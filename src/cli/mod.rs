@@ -12,6 +12,7 @@ pub mod enroll;
 #[cfg(feature = "net")]
 mod enroll_files;
 pub mod error;
+pub mod experiment;
 #[cfg(feature = "net")]
 pub mod export;
 #[cfg(feature = "net")]
@@ -47,6 +48,7 @@ pub mod status;
 mod stop;
 #[cfg(feature = "net")]
 pub mod tap;
+mod tracks;
 mod trials;
 #[cfg(feature = "net")]
 pub mod vehicle;
@@ -85,6 +87,7 @@ enum Command {
     Image(image::ImageCommand),
     Plan(plan::PlanArgs),
     Check(check::CheckArgs),
+    Experiment(experiment::ExperimentArgs),
     #[cfg(feature = "net")]
     Vehicle(vehicle::VehicleArgs),
     #[cfg(feature = "net")]
@@ -123,6 +126,7 @@ pub fn run() -> ExitCode {
         Command::Image(image) => image.run(&mut answer),
         Command::Plan(plan) => plan.run(&mut answer),
         Command::Check(check) => check.run(&mut answer),
+        Command::Experiment(experiment) => experiment.run(&mut answer),
         #[cfg(feature = "net")]
         Command::Vehicle(vehicle) => vehicle.run(&mut answer),
         #[cfg(feature = "net")]

@@ -37,7 +37,7 @@ pub fn text(path: &Path) -> Result<String, CliError> {
 ///
 /// Configurations name files in UTF-8, but the folder in which they lie may have any name: it is put in the place
 /// of what was shown of it.
-pub fn around(file: &Path) -> impl FnMut(&str) -> Result<String, String> {
+pub fn around(file: &Path) -> impl FnMut(&str) -> Result<String, String> + Send + use<> {
     let file = file.to_owned();
     let folder = file.parent().unwrap_or(Path::new("")).to_owned();
     let (shown_file, shown_folder) = (shown(&file), format!("{}/", shown(&folder)));

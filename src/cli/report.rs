@@ -7,10 +7,13 @@ use serde_json::{Value, json};
 use super::error::CliError;
 use super::folder::OutputFolder;
 use super::recording::links_csv;
+use super::tracks::write_tracks;
 use crate::geom::Point;
 use crate::ground::imager::Subject;
+use crate::node::mission::End;
 use crate::sim::bus::BytesByKind;
-use crate::sim::{Found, Outcome, Scenario};
+use crate::sim::{Found, Mission, Outcome, Scenario};
+use crate::time::Time;
 use crate::tomo::{Link, WeightRows, npy_bytes, runs_along_a_side};
 
 /// The names of all files that a run may leave behind.
@@ -22,6 +25,14 @@ pub const FAMILY: &[&str] = &[
     "image.png",
     "structure.png",
     "map.png",
+    "track-1.waypoints",
+    "track-2.waypoints",
+    "track-3.waypoints",
+    "track-4.waypoints",
+    "track-5.waypoints",
+    "track-6.waypoints",
+    "track-7.waypoints",
+    "track-8.waypoints",
     "run.log",
     "summary.json",
 ];
@@ -50,6 +61,8 @@ pub struct Report {
     bus_bytes_per_vehicle_s: f64,
     found: Vec<Found>,
     persons: Vec<(String, Point)>,
+    /// How the mission of each vehicle ended; empty for a sweep.
+    missions: Vec<Mission>,
     /// Images that could not be made, with the reason.
     not_made: Vec<String>,
 }
@@ -79,6 +92,7 @@ impl Report {
             bus_bytes_per_vehicle_s: outcome.bus_bytes_per_vehicle_s(),
             found: outcome.found(),
             persons: outcome.persons.iter().map(|person| (person.name.clone(), person.at)).collect(),
+            missions: missions(scenario, outcome),
             not_made: not_made(scenario, outcome),
         }
     }
@@ -100,7 +114,7 @@ impl Report {
         format!(
             "{} with {} vehicles, seed {}: {outcome}\n\
              mission time      {:.1} min simulated in {:.2} s ({:.0} x real time)\n\
-             links measured    {} from {} samples ({} in the empty sweep), covering {:.0} % of the area\n\
+             {}\
              collisions        {}; fence breaches {}; minimum separation {separation}\n\
              work              {:.0} scans/s, {:.0} events/s of wall time; {:.1} kB/s sent per vehicle\n",
             self.scene,
@@ -109,16 +123,30 @@ impl Report {
             self.simulated_s / 60.0,
             self.wall_s,
             self.speed_factor(),
-            self.links,
-            self.samples,
-            self.empty_links,
-            100.0 * self.coverage,
+            self.measured(),
             self.collisions,
             self.fence_breaches,
             self.scans as f64 / self.wall_s.max(1e-9),
             self.events as f64 / self.wall_s.max(1e-9),
             self.bus_bytes_per_vehicle_s / 1e3,
         )
+    }
+
+    /// Gives what was measured, or how every mission ended, in lines.
+    fn measured(&self) -> String {
+        if self.missions.is_empty() {
+            return format!(
+                "links measured    {} from {} samples ({} in the empty sweep), covering {:.0} % of the area\n",
+                self.links,
+                self.samples,
+                self.empty_links,
+                100.0 * self.coverage
+            );
+        }
+        let line = |(vehicle, end): &Mission| {
+            format!("mission           vehicle {vehicle} {}\n", ended(end.as_ref()))
+        };
+        self.missions.iter().map(line).collect()
     }
 
     /// Gives what was found and what was not in lines.
@@ -134,7 +162,8 @@ impl Report {
         for what in &self.not_made {
             text += &format!("not made          {what}\n");
         }
-        for (name, at) in self.missed() {
+        let missed = self.missed().filter(|_| self.missions.is_empty());
+        for (name, at) in missed {
             text += &format!("missed            {name} at {:.2}, {:.2} m\n", at.x_m, at.y_m);
         }
         text
@@ -157,6 +186,10 @@ impl Report {
     pub fn json(&self) -> Value {
         let found = |find: &Found| json!({ "x_m": find.at.x_m, "y_m": find.at.y_m, "strength": find.strength, "error_m": find.error_m });
         let person = |(name, at): &(String, Point)| json!({ "name": name, "x_m": at.x_m, "y_m": at.y_m });
+        let mission = |(vehicle, end): &Mission| {
+            let at_s = end.as_ref().map(|(at, _)| at.as_secs_f64());
+            json!({ "vehicle": vehicle.0, "ended_s": at_s, "how": ended(end.as_ref()) })
+        };
         json!({
             "scene": self.scene,
             "seed": self.seed,
@@ -181,6 +214,7 @@ impl Report {
             "bus_bytes_per_vehicle_s": self.bus_bytes_per_vehicle_s,
             "found": self.found.iter().map(found).collect::<Vec<_>>(),
             "persons": self.persons.iter().map(person).collect::<Vec<_>>(),
+            "missions": self.missions.iter().map(mission).collect::<Vec<_>>(),
             "version": env!("CARGO_PKG_VERSION"),
         })
     }
@@ -189,6 +223,9 @@ impl Report {
 /// Tells which images there are none of, and why.
 fn not_made(scenario: &Scenario, outcome: &Outcome) -> Vec<String> {
     let mut list = Vec::new();
+    if !scenario.sim().task.is_planned_by_ground() {
+        return list;
+    }
     if outcome.change.is_none() {
         list.push(if scenario.sim().empty_sweep {
             "image: the sweep measured too little".to_owned()
@@ -228,5 +265,23 @@ pub fn write_data(folder: &mut OutputFolder, scenario: &Scenario, outcome: &Outc
     for (name, made) in images.iter().filter_map(|(name, made)| made.as_ref().map(|made| (name, made))) {
         folder.write(&format!("{name}.npy"), &npy_bytes(&made.image))?;
     }
+    write_tracks(folder, &scenario.sim().venue, &outcome.tracks)?;
     folder.write("run.log", outcome.log.as_bytes())
+}
+
+/// Gives how the missions ended, where vehicles have their own.
+fn missions(scenario: &Scenario, outcome: &Outcome) -> Vec<Mission> {
+    if scenario.sim().task.is_planned_by_ground() { Vec::new() } else { outcome.missions.clone() }
+}
+
+/// Says how a mission ended.
+fn ended(end: Option<&(Time, End)>) -> String {
+    let Some((at, end)) = end else { return "did not end".to_owned() };
+    let how = match end {
+        End::Done => "did everything".to_owned(),
+        End::Stopped(at) => format!("stopped in front of something at {:.1}, {:.1} m", at.x_m, at.y_m),
+        End::NoWay(places) => format!("found that no way leads to {places} of its places"),
+        End::GaveUp(places) => format!("gave up {places} of its places"),
+    };
+    format!("{how} after {:.1} min", at.as_secs_f64() / 60.0)
 }

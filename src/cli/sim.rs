@@ -40,7 +40,7 @@ pub struct SimArgs {
     /// Seed of everything that is random [default: the file's, or 1]
     #[arg(long, value_name = "N", allow_negative_numbers = true)]
     pub seed: Option<u64>,
-    /// Number of vehicles, 2 to 8, in place of the file's; the venue must have a home for each
+    /// Number of vehicles, 2 to 8 (1 to 8 when they do not sweep), in place of the file's; the venue must have a home for each
     #[arg(short = 'n', long, value_name = "N", allow_negative_numbers = true)]
     pub vehicles: Option<usize>,
     /// Give up after this much virtual time, in place of the file's; the mission has failed then
@@ -89,6 +89,7 @@ The folder then holds
   image.npy, structure.npy   the same values: f32, rows from south to north, columns from west to east, dB/m
   links.csv, empty.csv       every link measured; `tomoswarm image` reads them
   summary.json   finished, simulated_s, links, collisions, found [{x_m, y_m, strength, error_m}] and more
+  track-N.waypoints  where vehicle N drove, as a mission that QGroundControl and [mission] file read
   run.log        what happened when, in virtual time
 Without an empty sweep (empty_sweep = true in CONFIG) there is no image.png: nothing to compare with.
 
@@ -100,8 +101,9 @@ Examples:
   tomoswarm sim configs/small.sim.toml --live   a short scenario in real time, by real processes (about 2 minutes)
   tomoswarm sim --live -n 8 --topology star     eight vehicle processes joined by the ground station
   tomoswarm sim configs/courtyard.sim.toml      a file of your own: copy it with its venue and scene
+  tomoswarm sim configs/explore.sim.toml        four rovers explore a castle: [mission] kind = \"explore\"
 
-Exit codes: 0 done; 1 a collision, a breach of the fence, a sweep that did not end or was stopped, or in --trials too
+Exit codes: 0 done; 1 a collision, a breach of the fence, a sweep or mission that did not end or was stopped, or in --trials too
 many persons missed; 2 bad usage, bad files, or a folder that cannot be written.";
 
 fn parse_seconds(text: &str) -> Result<Duration, String> {

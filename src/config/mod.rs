@@ -13,26 +13,32 @@
 pub mod bundled;
 mod bus_file;
 mod endpoint;
+mod experiment;
 mod fault;
 mod ground_file;
 mod mission;
 mod nearest;
 mod outline;
+mod overlay;
 mod problem;
 mod radio;
 mod scene;
 mod section;
 mod sim;
 mod source;
+mod task;
 mod vehicle;
 mod vehicle_file;
 mod venue;
+mod waypoint_file;
 
+use overlay::{Joined, Layer, Overlay};
 use section::Section;
 use source::Source;
 
 pub use bus_file::{BusFile, Identity, Topology};
 pub use endpoint::{Endpoint, EndpointError, Protocol, is_host};
+pub use experiment::{Axis, Experiment, MOST_RUNS};
 pub use fault::{Fault, FaultKind};
 pub use ground_file::{GroundFile, OperatorFile};
 pub use mission::{Durations, End, Expect, Imaging, Planner, Prior, Solver, Sweep, Weights};
@@ -40,9 +46,13 @@ pub use problem::{Problem, Problems};
 pub use radio::{Bus, OwnRadio, Partition, Radio};
 pub use scene::{Material, Object, Outline, Person, RandomPersons, SceneFile, Up};
 pub use sim::Sim;
-pub use vehicle::{Body, Look, RangeSensor, Safety, Vehicles};
+pub use task::Task;
+pub use vehicle::{Body, Lobe, Look, RangeSensor, Safety, Vehicles};
 pub use vehicle_file::{Record, VehicleFile, World};
 pub use venue::{Datum, Venue};
+pub use waypoint_file::{
+    Above, MOST_ITEMS, MOST_WAYPOINT_BYTES, MissionItem, SpeedOf, Spot, Target, Turning, WaypointFile,
+};
 
 /// Gives the text of a file that another file names, or the reason why it cannot be read.
 pub type Loader<'a> = dyn FnMut(&str) -> Result<String, String> + 'a;
@@ -62,6 +72,8 @@ pub enum Config {
     Ground(Box<GroundFile>),
     /// An operator's commands.
     Operator(Box<OperatorFile>),
+    /// A grid of simulations; none of them is read yet.
+    Experiment(Box<Experiment>),
 }
 
 /// Reads a configuration of any kind; `file_name` is used in messages and to find files named in it.
@@ -77,6 +89,7 @@ pub fn read(file_name: &str, text: &str, loader: &mut Loader) -> Result<Config, 
         Some("vehicle") => VehicleFile::read(root, loader).map(|file| Config::Vehicle(Box::new(file))),
         Some("ground") => GroundFile::read(root, loader).map(|file| Config::Ground(Box::new(file))),
         Some("operator") => OperatorFile::read(root, loader).map(|file| Config::Operator(Box::new(file))),
+        Some("experiment") => Some(Config::Experiment(Box::new(Experiment::read(root)))),
         Some(_) => {
             root.refuse("kind", "is not known", KINDS);
             None
@@ -145,6 +158,15 @@ pub fn read_operator(file_name: &str, text: &str, loader: &mut Loader) -> Result
     read_kind(file_name, text, "operator", |root| OperatorFile::read(root, loader))
 }
 
+/// Reads the file of an experiment; the simulations of its grid are read by [`Experiment::sim`].
+///
+/// # Errors
+///
+/// Every mistake of the file itself; a file of another kind.
+pub fn read_experiment(file_name: &str, text: &str) -> Result<Experiment, Problems> {
+    read_kind(file_name, text, "experiment", |root| Some(Experiment::read(root)))
+}
+
 /// Gives the path of a file that is named in another one, relative to that one's folder.
 pub fn beside(file_name: &str, named: &str) -> String {
     match file_name.rfind('/') {
@@ -153,8 +175,7 @@ pub fn beside(file_name: &str, named: &str) -> String {
     }
 }
 
-const KINDS: &str =
-    "a file begins with kind = \"venue\", \"scene\", \"sim\", \"vehicle\", \"ground\" or \"operator\"";
+const KINDS: &str = "a file begins with kind = \"venue\", \"scene\", \"sim\", \"vehicle\", \"ground\", \"operator\" or \"experiment\"";
 
 /// Reads a file that must be of one kind.
 fn read_kind<T>(
@@ -163,15 +184,28 @@ fn read_kind<T>(
     kind: &str,
     read: impl FnOnce(&Section) -> Option<T>,
 ) -> Result<T, Problems> {
-    read_root(file_name, text, |root| match root.text("kind") {
-        Some(found) if found == kind => read(root),
-        Some(_) => {
-            root.refuse("kind", "is of another kind", &format!("kind = \"{kind}\" is needed here"));
-            None
-        }
-        None => {
-            root.require("kind", &format!("kind = \"{kind}\" is needed here"));
-            None
+    read_kind_over(file_name, text, None, kind, read)
+}
+
+/// Reads a file that must be of one kind, with what is laid over it.
+fn read_kind_over<T>(
+    file_name: &str,
+    text: &str,
+    overlay: Option<&Overlay>,
+    kind: &str,
+    read: impl FnOnce(&Section) -> Option<T>,
+) -> Result<T, Problems> {
+    read_root_over(file_name, text, overlay.zip(overlay.and_then(|all| all.layer(kind))), |root| {
+        match root.text("kind") {
+            Some(found) if found == kind => read(root),
+            Some(_) => {
+                root.refuse("kind", "is of another kind", &format!("kind = \"{kind}\" is needed here"));
+                None
+            }
+            None => {
+                root.require("kind", &format!("kind = \"{kind}\" is needed here"));
+                None
+            }
         }
     })
 }
@@ -181,7 +215,21 @@ fn read_root<T>(
     text: &str,
     read: impl FnOnce(&Section) -> Option<T>,
 ) -> Result<T, Problems> {
-    let source = Source::new(file_name, text);
+    read_root_over(file_name, text, None, read)
+}
+
+/// Reads a file with a layer of what is laid over it, if any.
+fn read_root_over<T>(
+    file_name: &str,
+    text: &str,
+    over: Option<(&Overlay, &Layer)>,
+    read: impl FnOnce(&Section) -> Option<T>,
+) -> Result<T, Problems> {
+    let joined = over.map(|(_, layer)| Joined::new(text, layer));
+    let source = match (&joined, over) {
+        (Some(joined), Some((overlay, _))) => Source::over(file_name, joined, overlay),
+        (Some(_) | None, _) => Source::new(file_name, text),
+    };
     let tree = source.parse();
     let value = read(&Section::root(&source, &tree));
     source.finish(value)

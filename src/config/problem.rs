@@ -8,7 +8,7 @@ use std::fmt;
 pub struct Problem {
     /// Name of the file, as it was opened.
     pub file: String,
-    /// Line, counted from 1.
+    /// Line, counted from 1; 0 when only the key says where.
     pub line: usize,
     /// Full key ("vehicles.max_speed_mps"); empty where the text is no valid TOML.
     pub key: String,
@@ -22,7 +22,11 @@ pub struct Problem {
 
 impl fmt::Display for Problem {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{}:{}: ", self.file, self.line)?;
+        if self.line > 0 {
+            write!(f, "{}:{}: ", self.file, self.line)?;
+        } else {
+            write!(f, "{}: ", self.file)?;
+        }
         if !self.key.is_empty() {
             f.write_str(&self.key)?;
             if !self.value.is_empty() {

@@ -11,6 +11,7 @@ use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 
 use super::nearest::nearest;
+use super::overlay::Layer;
 use super::source::{Class, Source};
 use crate::geom::Point;
 use crate::time::Time;
@@ -43,6 +44,50 @@ impl<'s> Section<'s> {
         table: Option<&'s DeTable<'s>>,
     ) -> Section<'s> {
         Section { source, prefix, line, table, asked: RefCell::default() }
+    }
+
+    /// Gives the line in which it begins.
+    pub(super) fn line(&self) -> usize {
+        self.line
+    }
+
+    /// Takes all values in it and in the tables in it, but for some keys, to be laid over another file.
+    pub(super) fn layer(&self, except: &[&str]) -> Layer {
+        let mut layer = Layer::default();
+        if let Some(table) = self.table {
+            self.take(table, &mut Vec::new(), except, &mut layer);
+        }
+        layer
+    }
+
+    fn take(&self, table: &'s DeTable<'s>, path: &mut Vec<String>, except: &[&str], layer: &mut Layer) {
+        for (key, value) in table.iter() {
+            let name: &str = key.get_ref();
+            if value.span().is_empty() || (path.is_empty() && except.contains(&name)) {
+                continue;
+            }
+            path.push(name.to_owned());
+            match value.get_ref() {
+                DeValue::Table(inner) => self.take(inner, path, &[], layer),
+                DeValue::Array(list) if list.iter().any(|entry| entry.get_ref().as_table().is_some()) => {
+                    self.refuse_value(
+                        &path.join("."),
+                        value,
+                        "is a list of tables",
+                        "single values are allowed",
+                    );
+                }
+                DeValue::String(_)
+                | DeValue::Integer(_)
+                | DeValue::Float(_)
+                | DeValue::Boolean(_)
+                | DeValue::Datetime(_)
+                | DeValue::Array(_) => {
+                    layer.lay(path.clone(), self.source.raw(value), self.source.line_of(value.span()));
+                }
+            }
+            path.pop();
+        }
     }
 
     /// Gives the full name of one of its keys.

@@ -11,9 +11,10 @@ use super::mission::{Durations, End, Expect, Imaging, Planner, SMALLEST_GAP, Swe
 use super::radio::{Bus, Radio};
 use super::scene::SceneFile;
 use super::section::Section;
-use super::vehicle::{RangeSensor, SWARM, Safety, Vehicles, sight};
+use super::task::Task;
+use super::vehicle::{PARTY, RangeSensor, SWARM, Safety, Vehicles, sight};
 use super::venue::Venue;
-use super::{Loader, beside, read_kind};
+use super::{Loader, beside, read_kind_over};
 use crate::geom::{Point, Segment};
 use crate::plan::{Sight, SpeedError};
 
@@ -34,6 +35,8 @@ pub struct Sim {
     pub radio: Radio,
     /// The bus.
     pub bus: Bus,
+    /// What the vehicles are out for.
+    pub task: Task,
     /// How the sweep is driven.
     pub sweep: Sweep,
     /// Whether the same sweep is driven first without the persons.
@@ -82,6 +85,8 @@ impl Sim {
     ) -> Option<Sim> {
         let venue = load(root, "venue", loader, |root| Some(Venue::read(root)));
         let scene = load(root, "scene", loader, |root| Some(SceneFile::read(root)));
+        let task = Task::read(&root.section("mission"), venue.as_ref(), loader);
+        let allowed = if task.is_planned_by_ground() { allowed } else { PARTY };
         let fleet = Vehicles::read(&root.section("vehicles"), vehicles, allowed);
         let count = fleet.count;
         let ends = [("hold", End::Hold), ("return", End::Return)];
@@ -110,6 +115,7 @@ impl Sim {
             safety,
             radio,
             bus,
+            task,
             sweep,
             empty_sweep,
             imaging,
@@ -135,7 +141,8 @@ pub(super) fn load<T>(
 ) -> Option<T> {
     let needed = format!("the name of a {kind} file is needed, relative to this file");
     root.require(kind, &needed);
-    let path = beside(root.source.file(), &root.text(kind)?);
+    let named = root.text(kind)?;
+    let path = beside(&root.source.file_of(kind), &named);
     let text = match loader(&path) {
         Ok(text) => text,
         Err(reason) => {
@@ -143,7 +150,7 @@ pub(super) fn load<T>(
             return None;
         }
     };
-    match read_kind(&path, &text, kind, read) {
+    match read_kind_over(&path, &text, root.source.overlay(), kind, read) {
         Ok(value) => Some(value),
         Err(problems) => {
             root.source.absorb(problems);
@@ -190,8 +197,11 @@ fn check_margins(root: &Section, fleet: &Vehicles, safety: &Safety) {
 fn check_places(root: &Section, sim: &Sim) {
     if root.source.is_sound(&["vehicles", "safety", "sweep"]) {
         check_homes(root, sim);
-        check_ring(root, sim);
+        if sim.task.is_planned_by_ground() {
+            check_ring(root, sim);
+        }
     }
+    check_task(root, &sim.task, &sim.venue);
     let Some(random) = sim.scene.random_persons else { return };
     let inner = sim.venue.area.shrunk(random.keep_from_border_m);
     let room_m2 = inner.width_m() * inner.height_m();
@@ -233,6 +243,15 @@ fn check_nobody_at_home(root: &Section, sim: &Sim, number: usize, home: Point) {
         let wrong = format!("{} stands in the way of vehicle {number} at its home", person.name);
         root.refuse("scene", &wrong, "vehicles and persons must stand apart");
     }
+}
+
+/// Refuses a mission that leads out of the fence.
+pub(super) fn check_task(root: &Section, task: &Task, venue: &Venue) {
+    let Some(outside) = task.places().iter().find(|place| !venue.fence.contains(**place)) else { return };
+    let wrong = format!("leads to ({}, {}), outside the fence of the venue", outside.x_m, outside.y_m);
+    let key = ["mission.waypoints_m", "mission.size_m", "mission"];
+    let key = key.into_iter().find(|key| root.source.is_known(key)).unwrap_or("mission");
+    root.source.refuse(key, &wrong, "places inside the fence are allowed");
 }
 
 fn check_ring(root: &Section, sim: &Sim) {

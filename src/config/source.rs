@@ -1,5 +1,6 @@
 //! One file while it is read: its text with line numbers, its tree, and the list of what is wrong.
-//! Parses TOML once, with recovery, so that several syntax errors are found together.
+//! Parses TOML once, with recovery, so that several syntax errors are found together. What is laid over it
+//! ([`Overlay`]) is read as if it stood below, and its mistakes are said of the place that it comes from.
 
 use std::cell::RefCell;
 use std::collections::BTreeMap;
@@ -8,6 +9,7 @@ use std::ops::Range;
 use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 
+use super::overlay::{Joined, Overlay, merge};
 use super::{Problem, Problems};
 
 /// The longest text that is read, bytes; a hand-written file is far below.
@@ -33,11 +35,20 @@ struct Place {
     value: String,
 }
 
+/// What is laid over a file.
+struct Over<'t> {
+    overlay: &'t Overlay,
+    joined: &'t Joined,
+    /// The number of the first line of the layer, counted as those of the text are.
+    first_line: usize,
+}
+
 /// A file while it is read.
 pub(super) struct Source<'t> {
     file: String,
     text: &'t str,
     line_starts: Vec<usize>,
+    over: Option<Over<'t>>,
     found: RefCell<Vec<(Class, Problem)>>,
     places: RefCell<BTreeMap<String, Place>>,
 }
@@ -48,7 +59,35 @@ impl<'t> Source<'t> {
         let breaks = text.bytes().enumerate().filter(|(_, byte)| *byte == b'\n');
         let line_starts = std::iter::once(0).chain(breaks.map(|(at, _)| at + 1)).collect();
         let (found, places) = (RefCell::default(), RefCell::default());
-        Source { file: file.to_owned(), text, line_starts, found, places }
+        Source { file: file.to_owned(), text, line_starts, over: None, found, places }
+    }
+
+    /// Begins to read a text with what is laid over it.
+    pub(super) fn over(file: &str, joined: &'t Joined, overlay: &'t Overlay) -> Source<'t> {
+        let mut source = Source::new(file, &joined.text);
+        let first_line = source.line_of(joined.from..joined.from);
+        source.over = Some(Over { overlay, joined, first_line });
+        source
+    }
+
+    /// Gives what is laid over this file and those that it names.
+    pub(super) fn overlay(&self) -> Option<&'t Overlay> {
+        self.over.as_ref().map(|over| over.overlay)
+    }
+
+    /// Gives the name of the file in which a key's value stands: this one, unless it was laid over.
+    pub(super) fn file_of(&self, key: &str) -> String {
+        let line = self.places.borrow().get(key).map_or(1, |place| place.line);
+        self.place_of(line).0.to_owned()
+    }
+
+    /// Gives the file and the line of what stands in a line of the text.
+    fn place_of(&self, line: usize) -> (&str, usize) {
+        let laid = self.over.as_ref().and_then(|over| {
+            let index = line.checked_sub(over.first_line)?;
+            Some((over.overlay.file.as_str(), *over.joined.lines.get(index)?))
+        });
+        laid.unwrap_or((&self.file, line))
     }
 
     /// Gives the name of the file.
@@ -63,7 +102,18 @@ impl<'t> Source<'t> {
             self.note(Class::Syntax, 1, "", "", &wrong, &format!("at most {LIMIT_BYTES} are read"));
             return Spanned::new(0..0, DeTable::new());
         }
-        let (tree, errors) = DeTable::parse_recoverable(self.text);
+        let Some(Over { joined, .. }) = &self.over else { return self.parse_part(self.text) };
+        let mut tree = self.parse_part(&self.text[..joined.from]);
+        for table in &joined.cleared {
+            tree.get_mut().remove(*table);
+        }
+        merge(tree.get_mut(), self.parse_part(&joined.layer).into_inner());
+        tree
+    }
+
+    /// Parses a text whose places are those of the whole.
+    fn parse_part(&self, part: &'t str) -> Spanned<DeTable<'t>> {
+        let (tree, errors) = DeTable::parse_recoverable(part);
         let mut last_line = 0;
         for error in errors {
             let line = self.line_of(error.span().unwrap_or(0..0));
@@ -85,8 +135,9 @@ impl<'t> Source<'t> {
 
     /// Notes a problem.
     pub(super) fn note(&self, class: Class, line: usize, key: &str, value: &str, wrong: &str, allowed: &str) {
+        let (file, line) = self.place_of(line);
         let problem = Problem {
-            file: self.file.clone(),
+            file: file.to_owned(),
             line,
             key: key.to_owned(),
             value: value.to_owned(),
@@ -112,6 +163,11 @@ impl<'t> Source<'t> {
         let place = self.places.borrow().get(key).cloned();
         let Place { line, value } = place.unwrap_or(Place { line: 1, value: String::new() });
         self.note(Class::Value, line, key, &value, wrong, allowed);
+    }
+
+    /// Tells whether a key was read so far: given or left out.
+    pub(super) fn is_known(&self, key: &str) -> bool {
+        self.places.borrow().contains_key(key)
     }
 
     /// Tells whether nothing is wrong with the given keys and what lies below them, so that a check
@@ -152,9 +208,14 @@ impl<'t> Source<'t> {
         }
     }
 
+    /// Gives the text of a value as it stands in the file.
+    pub(super) fn raw(&self, value: &Spanned<DeValue<'_>>) -> &'t str {
+        self.text.get(value.span()).unwrap_or_default()
+    }
+
     /// Gives the text of a value as it stands in the file, on one line and shortened.
     pub(super) fn shown(&self, value: &Spanned<DeValue<'_>>) -> String {
-        let raw = self.text.get(value.span()).unwrap_or_default();
+        let raw = self.raw(value);
         let printable = raw.chars().map(|c| if c.is_control() { ' ' } else { c });
         let mut shown: String = printable.clone().take(SHOWN_CHARS).collect();
         if printable.count() > SHOWN_CHARS {

@@ -6,10 +6,12 @@ use std::time::Duration;
 
 use super::section::Section;
 use crate::geom::Angle;
-use crate::plan::Sight;
+use crate::plan::{Mount, Mounts, Sight};
 
 /// How many vehicles a simulation may have: as many as the planners can keep apart on one ring.
 pub(super) const SWARM: RangeInclusive<usize> = 2..=8;
+/// How many vehicles a simulation may have that follow no plan of the ground station.
+pub(super) const PARTY: RangeInclusive<usize> = 1..=8;
 /// How many vehicles a world may hold for others who drive them.
 pub(super) const CROWD: RangeInclusive<usize> = 2..=250;
 
@@ -140,11 +142,31 @@ pub struct RangeSensor {
     pub incidence_limit_rad: f64,
     /// Standard deviation of a reading, metres.
     pub noise_sd_m: f64,
+    /// Where it listens.
+    pub lobe: Lobe,
+    /// Share of the pings that are answered by something else, 0 to 1.
+    pub glitch_share: f64,
+    /// Echoes from farther away are ignored, metres.
+    pub farness_m: f64,
+    /// Which sensor looks where.
+    pub mounts: Mounts,
+}
+
+/// Where a range sensor listens.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub enum Lobe {
+    /// Along one ray.
+    Beam,
+    /// In the plane of the vehicle, between the edges of the cone.
+    Fan,
+    /// In the whole cone.
+    Cone,
 }
 
 impl RangeSensor {
     pub(super) fn read(section: &Section) -> RangeSensor {
         let look = Look::read_keys(section);
+        let lobes = [("fan", Lobe::Fan), ("beam", Lobe::Beam), ("cone", Lobe::Cone)];
         let sensor = RangeSensor {
             height_m: section.number("height_m", 0.3, 0.02..=10.0),
             beams: look.beams,
@@ -156,6 +178,10 @@ impl RangeSensor {
             settle: look.settle,
             incidence_limit_rad: section.number("incidence_limit_deg", 60.0, 5.0..=90.0).to_radians(),
             noise_sd_m: section.number("noise_sd_m", 0.01, 0.0..=1.0),
+            lobe: section.choice("lobe", Lobe::Fan, &lobes),
+            glitch_share: section.number("glitch_share", 0.0, 0.0..=0.5),
+            farness_m: look.farness_m,
+            mounts: look.mounts,
         };
         section.finish();
         sensor
@@ -171,6 +197,8 @@ impl RangeSensor {
             sure_range_m: self.sure_range_m,
             scan_period: self.scan_period,
             settle: self.settle,
+            farness_m: self.farness_m,
+            mounts: self.mounts.clone(),
         }
     }
 
@@ -195,23 +223,41 @@ pub struct Look {
     pub sure_range_m: f64,
     /// Time from one reading to the next (one beam each).
     pub scan_period: Duration,
-    /// Time that the servo needs to point, part of the period.
+    /// Time that the servo needs to come to rest, part of the period.
     pub settle: Duration,
+    /// Echoes from farther away are ignored, metres.
+    pub farness_m: f64,
+    /// Which sensor looks where; a single one that reaches every direction unless the file says otherwise.
+    pub mounts: Mounts,
 }
+
+/// How many range sensors a vehicle may have.
+const SENSORS: usize = 8;
+/// Speed of sound, m/s.
+const SOUND_MPS: f64 = 343.0;
 
 impl Look {
     /// Reads its keys out of a table that may hold others.
     pub(super) fn read_keys(section: &Section) -> Look {
         let beams = section.numbers("beams_deg", &[0.0, 25.0, -25.0, 50.0, -50.0], 1..=64, -180.0..=180.0);
+        let max_range_m = section.number("max_range_m", 4.0, 0.1..=200.0);
         let look = Look {
             beams: beams.into_iter().map(Angle::from_degrees).collect(),
             half_angle_rad: section.number("half_angle_deg", 15.0, 0.1..=60.0).to_radians(),
             min_range_m: section.number("min_range_m", 0.02, 0.0..=5.0),
-            max_range_m: section.number("max_range_m", 4.0, 0.1..=200.0),
+            max_range_m,
             sure_range_m: section.number("sure_range_m", 3.0, 0.1..=200.0),
             scan_period: section.duration("scan_period_s", 0.1, 0.001..=10.0),
             settle: section.duration("settle_s", 0.03, 0.0..=10.0),
+            farness_m: section.optional_number("farness_m", 0.1..=200.0).unwrap_or(max_range_m),
+            mounts: Mounts::new(section.sections("sensor", SENSORS).iter().map(read_mount).collect()),
         };
+        look.check(section);
+        look
+    }
+
+    fn check(&self, section: &Section) {
+        let look = self;
         if look.sure_range_m > look.max_range_m {
             section.refuse("sure_range_m", "is beyond max_range_m", "at most max_range_m is allowed");
         }
@@ -221,13 +267,63 @@ impl Look {
         if look.settle >= look.scan_period {
             section.refuse("settle_s", "leaves no time for a reading", "less than scan_period_s is allowed");
         }
-        look
+        if look.farness_m < look.sure_range_m {
+            let wrong = "is nearer than sure_range_m: what stands there would be taken for free";
+            section.refuse("farness_m", wrong, "at least sure_range_m is allowed");
+        }
+        self.check_sensors(section);
+    }
+
+    fn check_sensors(&self, section: &Section) {
+        if !section.has("sensor") || !section.source.is_sound(&["range.sensor"]) {
+            return;
+        }
+        for beam in self.beams.iter().filter(|beam| self.mounts.aim(**beam).is_none()) {
+            let wrong = format!("{:.0}° is reached by no servo", beam.degrees());
+            section.refuse(
+                "beams_deg",
+                &wrong,
+                "directions within the limits of a [[range.sensor]] are allowed",
+            );
+        }
+        let echo = Duration::from_secs_f64(2.0 * self.max_range_m / SOUND_MPS);
+        if self.mounts.all().len() > 1 && self.scan_period.saturating_sub(self.settle) < echo {
+            let wrong =
+                "lets the next sensor hear the echo of the last: less than an echo from max_range_m takes";
+            section.refuse("scan_period_s", wrong, "more is needed, or a shorter range");
+        }
     }
 
     /// Gives the time in which every beam is looked along once.
     pub fn cycle(&self) -> Duration {
         self.scan_period * u32::try_from(self.beams.len()).unwrap_or(u32::MAX)
+            + self.mounts.slew_of_round(&self.beams)
     }
+
+    /// Gives the longest time between two readings: the period, and the longest turn of a servo.
+    pub fn longest_period(&self) -> Duration {
+        let turns = self.mounts.all().iter().map(|mount| mount.slew(mount.from_rad, mount.to_rad));
+        self.scan_period + turns.max().unwrap_or_default()
+    }
+}
+
+fn read_mount(section: &Section) -> Mount {
+    let (from_deg, to_deg) = (
+        section.number("servo_from_deg", 0.0, -180.0..=180.0),
+        section.number("servo_to_deg", 0.0, -180.0..=180.0),
+    );
+    if to_deg < from_deg {
+        section.refuse("servo_to_deg", "is below servo_from_deg", "at least servo_from_deg is allowed");
+    }
+    let slew_s_per_60_deg = section.number("slew_s_per_60_deg", 0.15, 0.0..=10.0);
+    let mount = Mount {
+        zero: Angle::from_degrees(section.number("mount_deg", 0.0, -180.0..=180.0)),
+        from_rad: from_deg.to_radians(),
+        to_rad: to_deg.max(from_deg).to_radians(),
+        slew_s_per_rad: slew_s_per_60_deg / 60f64.to_radians(),
+    };
+    section.finish();
+    mount
 }
 
 /// The margins that vehicles keep.
@@ -245,6 +341,9 @@ pub struct Safety {
     pub battery_return: f64,
     /// Below this charge it stays where it is, 0 to 1.
     pub battery_hold: f64,
+    /// A reading nearer than this from where it drives to halts it, however slow it is, metres; 0 = only when it could
+    /// not stop otherwise.
+    pub closeness_m: f64,
 }
 
 impl Safety {
@@ -256,6 +355,7 @@ impl Safety {
             autonomy: section.duration("autonomy_s", 60.0, 3.0..=86_400.0),
             battery_return: section.number("battery_return", 0.2, 0.0..=1.0),
             battery_hold: section.number("battery_hold", 0.05, 0.0..=1.0),
+            closeness_m: section.number("closeness_m", 0.0, 0.0..=10.0),
         };
         if safety.battery_hold > safety.battery_return {
             section.refuse(
@@ -283,7 +383,7 @@ pub(super) fn sight(body: &Body, look: &Look, safety: &Safety, cell_m: f64, pose
         range_m: look.sure_range_m,
         margin_m: corridor_m + cell_m * std::f64::consts::FRAC_1_SQRT_2,
         scan_period_s: look.cycle().as_secs_f64(),
-        latency_s: look.scan_period.as_secs_f64(),
+        latency_s: look.longest_period().as_secs_f64(),
         braking_mps2: body.braking_mps2,
     }
 }

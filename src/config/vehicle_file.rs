@@ -8,7 +8,8 @@ use tomoswarm_proto::VehicleId;
 use super::bus_file::{BusFile, Role};
 use super::radio::OwnRadio;
 use super::section::Section;
-use super::sim::{check_border, load, refuse_blind_speed};
+use super::sim::{check_border, check_task, load, refuse_blind_speed};
+use super::task::Task;
 use super::vehicle::{Body, Look, Safety, sight};
 use super::venue::Venue;
 use super::{Loader, beside};
@@ -30,6 +31,8 @@ pub struct VehicleFile {
     pub home: Point,
     /// The folder in which its boot count, outbox and recordings are kept.
     pub state_dir: String,
+    /// What it is out for.
+    pub task: Task,
     /// Its body.
     pub body: Body,
     /// Its range sensor.
@@ -82,6 +85,7 @@ impl VehicleFile {
         let venue = load(root, "venue", loader, |root| Some(Venue::read(root)));
         let id = read_id(root);
         let state_dir = read_state_dir(root);
+        let task = Task::read(&root.section("mission"), venue.as_ref(), loader);
         let body = read_body(&root.section("vehicle"));
         let mut is_simulated =
             [read_autopilot(&root.section("autopilot")), read_servo(&root.section("servo"))].contains(&true);
@@ -101,6 +105,7 @@ impl VehicleFile {
             id,
             home,
             state_dir,
+            task,
             body,
             look,
             radio,
@@ -251,6 +256,7 @@ fn check_home(root: &Section, venue: &Venue, id: VehicleId, reach_m: f64) -> Opt
 
 fn check_together(root: &Section, file: &VehicleFile) {
     let VehicleFile { body, safety, .. } = file;
+    check_task(root, &file.task, &file.venue);
     let is_sound = |keys: &[&str]| root.source.is_sound(keys);
     if is_sound(&["vehicle.radius_m", "safety.separation_m"]) && safety.separation_m <= 2.0 * body.radius_m {
         let wrong = "lets two vehicles touch: it is measured from middle to middle";

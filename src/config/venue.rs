@@ -5,7 +5,7 @@ use tomoswarm_proto::TILE_SIDE;
 
 use super::outline::{CORNERS, simple_polygon};
 use super::section::{COORDINATE_M, Section};
-use crate::geom::{Bearing, Point, Polygon, Rect, Segment};
+use crate::geom::{Bearing, Geodetic, Point, Polygon, Rect, Segment, TangentPlane};
 use crate::map::REACH_TILES;
 
 /// The most homes of a venue; vehicle ids are one byte.
@@ -63,6 +63,12 @@ impl Venue {
         hash.numbers(&[self.cell_m, self.ceiling_m]);
         hash.numbers(&self.slice_borders_m);
         hash.0
+    }
+
+    /// Gives the plane of the local frame on the earth.
+    pub fn plane(&self) -> TangentPlane {
+        let Datum { latitude_deg, longitude_deg, altitude_m } = self.datum;
+        TangentPlane::new(Geodetic { latitude_deg, longitude_deg, altitude_m }, self.x_axis_bearing)
     }
 
     /// Gives the number of altitude slices of the map.

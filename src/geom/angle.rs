@@ -5,11 +5,23 @@ use std::ops::{Add, Neg, Sub};
 
 use serde::{Deserialize, Serialize};
 
+/// A sense of turning.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub enum Turn {
+    /// To the right.
+    Clockwise,
+    /// To the left.
+    CounterClockwise,
+}
+
 /// A direction, counter-clockwise from the x axis, kept in (−π, π] radians.
 #[derive(Clone, Copy, PartialEq, Debug, Default, Serialize, Deserialize)]
 pub struct Angle(f64);
 
 impl Angle {
+    /// Along the x axis.
+    pub const ZERO: Angle = Angle(0.0);
+
     /// Makes an angle from radians; any finite value is wrapped into (−π, π].
     pub fn from_radians(radians_rad: f64) -> Angle {
         if radians_rad > -PI && radians_rad <= PI {
@@ -32,6 +44,29 @@ impl Angle {
     /// Gives the degrees in (−180, 180].
     pub fn degrees(self) -> f64 {
         self.0.to_degrees()
+    }
+
+    /// Gives the degrees in [0, 360).
+    pub fn positive_degrees(self) -> f64 {
+        let degrees = self.degrees();
+        if degrees < 0.0 { (degrees + 360.0) % 360.0 } else { degrees }
+    }
+
+    /// Gives the periodic difference this − other in [−π, π) radians: at exactly half a turn it is negative, where
+    /// the shortest turn (`-`) is positive.
+    pub fn difference_rad(self, other: Angle) -> f64 {
+        let turn_rad = (self - other).radians();
+        if turn_rad >= PI { -PI } else { turn_rad }
+    }
+
+    /// Tells whether the two directions differ by at most a tolerance, radians.
+    pub fn is_near(self, other: Angle, tolerance_rad: f64) -> bool {
+        self.difference_rad(other).abs() <= tolerance_rad
+    }
+
+    /// Gives the quicker way to turn from this direction to another; counter-clockwise when both are equally quick.
+    pub fn turn_to(self, other: Angle) -> Turn {
+        if self.difference_rad(other) > 0.0 { Turn::Clockwise } else { Turn::CounterClockwise }
     }
 
     /// Gives the compass bearing of this direction where the x axis points east.
@@ -120,6 +155,22 @@ mod tests {
                 (Bearing::from_degrees(bearing).angle() - Angle::from_degrees(angle)).radians().abs() < 1e-9
             );
         }
+    }
+
+    #[test]
+    fn the_quicker_turn_goes_the_shorter_way() {
+        let turn = |from: f64, to: f64| Angle::from_degrees(from).turn_to(Angle::from_degrees(to));
+        assert_eq!((turn(0.0, 90.0), turn(90.0, 0.0)), (Turn::CounterClockwise, Turn::Clockwise));
+        assert_eq!((turn(170.0, -170.0), turn(-170.0, 170.0)), (Turn::CounterClockwise, Turn::Clockwise));
+        assert_eq!((turn(0.0, 180.0), turn(180.0, 0.0)), (Turn::CounterClockwise, Turn::CounterClockwise));
+    }
+
+    #[test]
+    fn directions_are_near_across_the_seam() {
+        let (a, b) = (Angle::from_degrees(179.0), Angle::from_degrees(-179.0));
+        assert!(a.is_near(b, 2.1_f64.to_radians()) && !a.is_near(b, 1.9_f64.to_radians()));
+        assert_eq!((a.positive_degrees(), b.positive_degrees()), (179.0, 181.0));
+        assert!((0.0..360.0).contains(&Angle::from_radians(-1e-300).positive_degrees()));
     }
 
     #[test]

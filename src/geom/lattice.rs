@@ -50,6 +50,11 @@ impl Lattice {
         Point::new(middle(cell.x), middle(cell.y))
     }
 
+    /// Gives the lower (south-west) corner of a cell.
+    pub fn corner(self, cell: Cell) -> Point {
+        Point::new(f64::from(cell.x) * self.cell_m, f64::from(cell.y) * self.cell_m)
+    }
+
     /// Gives all cells whose middle lies within `radius_m` of a segment, row by row.
     pub fn cells_within(self, along: Segment, radius_m: f64) -> impl Iterator<Item = Cell> {
         let Segment { from, to } = along;

@@ -1,9 +1,10 @@
-//! Plane geometry in the venue's local frame (x, y along the venue's axes, metres) and the lattices
-//! laid over it. Pure values; no vehicle, no map and no image is known here.
+//! Geometry in the venue's local frame (x, y along the venue's axes, metres), the lattices laid over its plane, and a
+//! few exact bodies in space. Pure values; no vehicle, no map and no image is known here.
 //!
 //! Transcendental functions come from `libm`, so that a seed gives the same bytes on every machine.
 
 mod angle;
+mod attitude;
 mod grid;
 mod lattice;
 mod point;
@@ -11,10 +12,12 @@ mod polygon;
 mod pose;
 mod rect;
 mod segment;
+mod solid;
 mod track;
 mod wgs84;
 
-pub use angle::{Angle, Bearing};
+pub use angle::{Angle, Bearing, Turn};
+pub use attitude::Attitude;
 pub use grid::PixelGrid;
 pub use lattice::{Cell, CellsUnder, Lattice};
 pub use point::{Point, Vector};
@@ -22,5 +25,6 @@ pub use polygon::Polygon;
 pub use pose::Pose;
 pub use rect::Rect;
 pub use segment::Segment;
+pub use solid::{Cylinder, Face, Prism, Ray, evenly_spaced};
 pub use track::Track;
 pub use wgs84::{Geodetic, TangentPlane};

@@ -69,6 +69,11 @@ impl Vector {
         self.dot(self).sqrt()
     }
 
+    /// Gives the distance along the axes (grid distance), metres.
+    pub fn grid_length_m(self) -> f64 {
+        self.x_m.abs() + self.y_m.abs()
+    }
+
     /// Gives the direction; zero for the null vector.
     pub fn angle(self) -> Angle {
         Angle::from_radians(libm::atan2(self.y_m, self.x_m))

@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::{Point, Polygon};
+use super::{Point, Polygon, Segment};
 
 /// A rectangle along the axes, metres; `min` is its south-west corner.
 #[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
@@ -49,6 +49,29 @@ impl Rect {
             min: Point::new(self.min.x_m + by_m, self.min.y_m + by_m),
             max: Point::new(self.max.x_m - by_m, self.max.y_m - by_m),
         }
+    }
+
+    /// Gives the shares of a segment at which the endless line through it enters and leaves the rectangle (Liang and
+    /// Barsky 1984); `None` when it passes by, or touches a corner only.
+    pub fn line_shares(self, line: Segment) -> Option<(f64, f64)> {
+        let vector = line.vector();
+        let axes = [
+            (line.from.x_m, vector.x_m, self.min.x_m, self.max.x_m),
+            (line.from.y_m, vector.y_m, self.min.y_m, self.max.y_m),
+        ];
+        let (mut enter, mut leave) = (f64::NEG_INFINITY, f64::INFINITY);
+        for (start, step, low, high) in axes {
+            if step == 0.0 {
+                if start < low || start > high {
+                    return None;
+                }
+                continue;
+            }
+            let (a, b) = ((low - start) / step, (high - start) / step);
+            enter = enter.max(a.min(b));
+            leave = leave.min(a.max(b));
+        }
+        (enter < leave).then_some((enter, leave))
     }
 
     /// Gives the four corners, counter-clockwise from the south-west.

@@ -1,6 +1,6 @@
 //! Straight pieces between two points, and distances to them.
 
-use super::{Point, Vector};
+use super::{Angle, Point, Vector};
 
 /// A straight piece from one point to another; both may coincide.
 #[derive(Clone, Copy, PartialEq, Debug)]
@@ -53,6 +53,38 @@ impl Segment {
             .min(other.distance_to_point(self.to))
     }
 
+    /// Gives how much longer the way over a point is than the segment itself, metres (the excess path of a link).
+    pub fn excess_path_m(self, over: Point) -> f64 {
+        (self.from.distance_to(over) + over.distance_to(self.to) - self.length_m()).max(0.0)
+    }
+
+    /// Tells whether a ray from a point along x meets the segment, for counting crossings: the upper of its ends (by
+    /// y) does not belong to it, so that a ray through a corner is counted once or twice as it passes or touches. A
+    /// point on the segment meets it.
+    pub fn is_met_along_x(self, from: Point) -> bool {
+        if (self.from.y_m > from.y_m) == (self.to.y_m > from.y_m) {
+            return false;
+        }
+        let share = (from.y_m - self.from.y_m) / (self.to.y_m - self.from.y_m);
+        from.x_m <= self.from.x_m + share * (self.to.x_m - self.from.x_m)
+    }
+
+    /// Gives how far a ray goes until it meets the segment, ends included, metres; `None` when it does not, and when
+    /// it runs along it (a wall seen edge-on is not seen).
+    pub fn met_after_m(self, from: Point, toward: Angle) -> Option<f64> {
+        let (ray, along, offset) = (Vector::polar(toward, 1.0), self.vector(), self.from - from);
+        let denominator = ray.cross(along);
+        if denominator.abs() <= 1e-12 * along.length_m() {
+            return None;
+        }
+        let (distance_m, share) = (offset.cross(along) / denominator, offset.cross(ray) / denominator);
+        // Rounding must not lose what lies exactly on an end or at the start.
+        let slack_m = 1e-12 * (1.0 + offset.length_m() + along.length_m());
+        let slack = slack_m / along.length_m();
+        let is_met = distance_m >= -slack_m && (-slack..=1.0 + slack).contains(&share);
+        is_met.then_some(distance_m.max(0.0))
+    }
+
     /// Tells whether the two segments cross in one inner point of both.
     pub fn crosses(self, other: Segment) -> bool {
         let (a, b) = (self.vector(), other.vector());
@@ -78,6 +110,27 @@ mod tests {
         assert_eq!(base.distance_to(segment(1.0, -1.0, 1.0, 1.0)), 0.0);
         assert_eq!(base.distance_to(segment(0.0, 2.0, 2.0, 2.0)), 2.0);
         assert_eq!(base.distance_to(segment(3.0, 0.0, 4.0, 0.0)), 1.0);
+    }
+
+    #[test]
+    fn a_ray_meets_a_wall_at_its_ends_too() {
+        let wall = segment(1.0, 4.0, 4.0, 1.0);
+        let east = Angle::from_degrees(0.0);
+        assert!((wall.met_after_m(Point::new(1.0, 1.0), east).unwrap() - 3.0).abs() < 1e-9);
+        assert!((wall.met_after_m(Point::new(-1.0, 4.0), east).unwrap() - 2.0).abs() < 1e-9);
+        assert_eq!(wall.met_after_m(Point::new(0.0, 4.1), east), None);
+        assert_eq!(wall.met_after_m(Point::new(5.0, 2.0), east), None, "it lies behind");
+        let north = Angle::from_degrees(90.0);
+        assert!((wall.met_after_m(Point::new(2.5, -1.0), north).unwrap() - 3.5).abs() < 1e-9);
+        assert_eq!(segment(0.0, 0.0, 5.0, 0.0).met_after_m(Point::new(-1.0, 0.0), east), None, "edge-on");
+        assert_eq!(segment(2.0, 0.0, 2.0, 0.0).met_after_m(Point::new(-1.0, 0.0), east), None, "no wall");
+    }
+
+    #[test]
+    fn the_way_over_a_point_is_never_shorter() {
+        let link = segment(0.0, 0.0, 6.0, 0.0);
+        assert_eq!(link.excess_path_m(Point::new(2.0, 0.0)), 0.0);
+        assert_eq!(link.excess_path_m(Point::new(3.0, 4.0)), 4.0);
     }
 
     #[test]

@@ -5,8 +5,8 @@ use std::time::Duration;
 
 use tomoswarm_proto::{Boot, VehicleId};
 
-use super::settings::{BodySettings, LookSettings, RadioSettings, SafetySettings, Settings};
-use crate::config::{Body, Look, OwnRadio, Safety, Sim, VehicleFile, Venue};
+use super::settings::{BodySettings, LookSettings, RadioSettings, SafetySettings, Settings, Task};
+use crate::config::{self, Body, Look, OwnRadio, Safety, Sim, VehicleFile, Venue};
 use crate::geom::{Angle, Lattice, Point};
 
 /// How long a search for a path takes in real time beyond the search itself, which has run by then.
@@ -22,6 +22,7 @@ impl Settings {
             radio: sim.radio.own(),
             safety: sim.safety,
             path_time: sim.durations.route,
+            task: task(&sim.task, vehicle, sim.vehicles.count),
         }
         .settings(vehicle, boot, home)
     }
@@ -35,6 +36,7 @@ impl Settings {
             radio: file.radio,
             safety: file.safety,
             path_time: PATH_TIME,
+            task: task(&file.task, file.id, 1),
         }
         .settings(file.id, boot, file.home)
     }
@@ -48,6 +50,7 @@ struct Told<'f> {
     radio: OwnRadio,
     safety: Safety,
     path_time: Duration,
+    task: Task,
 }
 
 impl Told<'_> {
@@ -59,6 +62,7 @@ impl Told<'_> {
             home,
             lattice: Lattice::new(self.venue.cell_m),
             slice: 0,
+            task: self.task.clone(),
             body: body_settings(&self.body),
             look: look_settings(self.look),
             radio: RadioSettings {
@@ -72,6 +76,34 @@ impl Told<'_> {
     }
 }
 
+/// Gives what one vehicle of `count` is out for. Legs begin with another place for each, so that they do not all head
+/// for the same one; places to be visited are shared.
+fn task(task: &config::Task, vehicle: VehicleId, count: usize) -> Task {
+    let index = usize::from(vehicle.0.saturating_sub(1));
+    match task {
+        config::Task::Sweep => Task::Plan,
+        config::Task::Legs { places } => Task::Legs(begun_at(places, index)),
+        config::Task::Forward { distance_m } => Task::Forward(*distance_m),
+        config::Task::Browse => Task::Browse,
+        config::Task::Search => Task::Search,
+        config::Task::Pathfind { places } => {
+            Task::Pathfind(places.iter().copied().skip(index).step_by(count.max(1)).collect())
+        }
+        config::Task::Explore => Task::Explore,
+    }
+}
+
+/// Gives places in another order: from one of them to the end, then from the first. A round that ends where it began
+/// does so again.
+fn begun_at(places: &[Point], index: usize) -> Vec<Point> {
+    let is_round = places.len() > 2 && places.first() == places.last();
+    let open = &places[..places.len() - usize::from(is_round)];
+    let start = index % open.len().max(1);
+    let mut turned: Vec<Point> = open[start..].iter().chain(&open[..start]).copied().collect();
+    turned.extend(turned.first().copied().filter(|_| is_round));
+    turned
+}
+
 fn body_settings(body: &Body) -> BodySettings {
     BodySettings { radius_m: body.radius_m, speed_mps: body.max_speed_mps, braking_mps2: body.braking_mps2 }
 }
@@ -81,10 +113,11 @@ fn look_settings(look: &Look) -> LookSettings {
         beams: look.beams.clone(),
         half_angle: Angle::from_radians(look.half_angle_rad),
         min_range_m: look.min_range_m,
-        max_range_m: look.max_range_m,
+        max_range_m: look.max_range_m.min(look.farness_m),
         sure_range_m: look.sure_range_m,
         period: look.scan_period,
         settle: look.settle,
+        mounts: look.mounts.clone(),
     }
 }
 
@@ -96,5 +129,6 @@ fn safety_settings(safety: &Safety) -> SafetySettings {
         autonomy: safety.autonomy,
         battery_return: safety.battery_return,
         battery_hold: safety.battery_hold,
+        closeness_m: safety.closeness_m,
     }
 }

@@ -5,6 +5,7 @@
 
 mod acted;
 mod ages;
+pub mod echo;
 mod from_config;
 pub mod map;
 pub mod mission;
@@ -14,6 +15,7 @@ mod place;
 pub mod radio;
 pub mod route;
 pub mod sensor;
+pub mod servo;
 mod settings;
 #[cfg(test)]
 mod tests_support;
@@ -22,5 +24,5 @@ mod vehicle_node;
 
 pub use acted::Acted;
 pub use route::{Effect, Event};
-pub use settings::{BodySettings, LookSettings, RadioSettings, SafetySettings, Settings};
+pub use settings::{BodySettings, LookSettings, RadioSettings, SafetySettings, Settings, Task};
 pub use vehicle_node::VehicleNode;

@@ -12,7 +12,7 @@ use serde::{Deserialize, Serialize};
 use tomoswarm_proto::{Boot, Mode, State, VehicleId};
 
 use super::radio::Sighting;
-use crate::geom::{Point, Pose, Vector};
+use crate::geom::{Angle, Point, Pose, Vector};
 use crate::time::Time;
 
 /// A vehicle of which neither state nor beacon was heard for this long is silent.
@@ -46,6 +46,8 @@ pub(super) struct Peer {
     pub heard_at: Time,
     /// Where it is.
     pub at: Point,
+    /// Where it faces.
+    pub heading: Angle,
     /// Standard deviation of each coordinate, metres.
     pub sd_m: f64,
     /// Where it is, then the corners of the way that it is committed to.
@@ -108,6 +110,7 @@ impl Peers {
             anchor: pose,
             heard_at: now,
             at: pose.at,
+            heading: pose.heading,
             sd_m: pose.sd_m,
             claim: std::iter::once(pose.at).chain(leg).collect(),
             resting,
@@ -129,6 +132,7 @@ impl Peers {
             anchor: pose,
             heard_at: now,
             at: pose.at,
+            heading: pose.heading,
             sd_m: pose.sd_m,
             claim: vec![pose.at],
             resting: false,
@@ -166,7 +170,7 @@ impl Peer {
             (self.anchor, self.moved_at) = (pose, now);
         }
         self.resting = now.since(self.moved_at) >= RESTS_AFTER;
-        (self.at, self.sd_m, self.claim) = (pose.at, pose.sd_m, vec![pose.at]);
+        (self.at, self.heading, self.sd_m, self.claim) = (pose.at, pose.heading, pose.sd_m, vec![pose.at]);
         if !self.resting {
             self.claim.push(pose.at + Vector::polar(pose.heading, AHEAD_M));
         }

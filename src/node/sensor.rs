@@ -1,5 +1,6 @@
-//! The sensor actor: points the range sensor, waits until the servo has settled, asks for an echo, and
-//! turns the answer into a scan with pose and direction.
+//! The sensor actor: points a range sensor, waits until its servo has turned and settled, asks for an echo, and
+//! turns the answer into a scan with pose and direction. Several sensors take turns, so that none hears another's echo;
+//! which one looks along a beam follows from the beam ([`crate::plan::Mounts`]).
 //!
 //! It is told echoes and the vehicle's state; it says where to steer, when to ping, and scans. It keeps no map and
 //! decides nothing about safety: a reading that looks like a glitch is marked as suspect, not hidden,
@@ -20,6 +21,7 @@ use super::LookSettings;
 use super::place::Place;
 use crate::actor::{Actor, Class, Fault, Input};
 use crate::geom::{Angle, Pose};
+use crate::plan::Pointing;
 use crate::time::{Deadline, Time};
 
 /// A reading this much nearer than the last one of its beam must be seen twice, metres.
@@ -84,6 +86,8 @@ pub struct Sensor {
     pings: u64,
     /// Last reading of each beam, metres; infinite = no echo.
     last_m: Vec<f64>,
+    /// Where the servos stand.
+    pointing: Pointing,
 }
 
 #[derive(Clone, Copy, Debug, Serialize, Deserialize)]
@@ -97,7 +101,8 @@ impl Sensor {
     pub fn new(look: LookSettings, pose_sd_max_m: f64) -> Sensor {
         let last_m = vec![f64::INFINITY; look.beams.len()];
         let phase = Phase::Listening { next: Time::ZERO + look.period };
-        Sensor { look, place: Place::unknown(pose_sd_max_m), beam: 0, phase, pings: 0, last_m }
+        let (place, pointing) = (Place::unknown(pose_sd_max_m), Pointing::new(look.mounts.clone()));
+        Sensor { look, place, beam: 0, phase, pings: 0, last_m, pointing }
     }
 
     fn echo(&mut self, now: Time, echo: Echo, out: &mut Vec<Out>) {
@@ -140,9 +145,11 @@ impl Actor for Sensor {
         match self.phase {
             Phase::Listening { .. } => {
                 self.beam = (self.beam + 1) % self.look.beams.len();
-                let next = now + self.look.period;
-                self.phase = Phase::Pointing { settled: now + self.look.settle, next };
-                out.push(Out::Steer(self.look.beams[self.beam]));
+                let beam = self.look.beams[self.beam];
+                let turns = self.pointing.steer(now.since(Time::ZERO), beam);
+                let next = now + self.look.period + turns;
+                self.phase = Phase::Pointing { settled: now + turns + self.look.settle, next };
+                out.push(Out::Steer(beam));
             }
             Phase::Pointing { next, .. } => {
                 self.pings += 1;
@@ -168,6 +175,7 @@ impl Input for In {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::plan::{Mount, Mounts};
 
     fn sensor() -> Sensor {
         let settings = super::super::tests_support::settings(1);
@@ -215,6 +223,39 @@ mod tests {
         for pair in pings.windows(2) {
             assert_eq!(pair[1].since(pair[0]), Duration::from_millis(100));
         }
+    }
+
+    #[test]
+    fn two_servos_take_turns_and_each_ping_waits_for_its_own_to_turn() {
+        let servo = |zero_deg, limit_deg: f64| Mount {
+            zero: Angle::from_degrees(zero_deg),
+            from_rad: -limit_deg.to_radians(),
+            to_rad: limit_deg.to_radians(),
+            slew_s_per_rad: 0.3 / 60f64.to_radians(),
+        };
+        let mut settings = super::super::tests_support::settings(1);
+        settings.look.beams = [0.0, 180.0, 20.0].map(Angle::from_degrees).to_vec();
+        settings.look.mounts = Mounts::new(vec![servo(0.0, 45.0), servo(180.0, 0.0)]);
+        let mut sensor = Sensor::new(settings.look.clone(), settings.safety.pose_sd_max_m);
+        let mut pings = Vec::new();
+        let mut steered = Vec::new();
+        while pings.len() < 7 {
+            let mut out = Vec::new();
+            let due = sensor.deadline().unwrap().at;
+            sensor.wake(due, &mut out).unwrap();
+            for said in out {
+                match said {
+                    Out::Steer(beam) => steered.push((due, beam.degrees())),
+                    Out::Ping(_) => pings.push(due.since(steered[steered.len() - 1].0).as_millis()),
+                    Out::Scan(_) => panic!("nothing has answered"),
+                }
+            }
+        }
+        // It begins with the second beam, astern, which has no servo. 20° take the first one 100 ms, and 50 ms to settle.
+        assert_eq!(pings, [50, 150, 150, 50, 150, 150, 50]);
+        let round = steered[6].0.since(steered[3].0);
+        assert_eq!(round, Duration::from_millis(500), "three readings and two turns");
+        assert_eq!(settings.look.cycle(), round);
     }
 
     #[test]

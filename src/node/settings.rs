@@ -6,6 +6,7 @@ use serde::{Deserialize, Serialize};
 use tomoswarm_proto::{Boot, VehicleId};
 
 use crate::geom::{Angle, Lattice, Point, Polygon};
+use crate::plan::Mounts;
 
 /// Everything that the actors of one vehicle need to know.
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
@@ -22,6 +23,9 @@ pub struct Settings {
     pub lattice: Lattice,
     /// Altitude slice that it drives in.
     pub slice: i16,
+    /// What it is out for.
+    #[serde(default)]
+    pub task: Task,
     /// Its body.
     pub body: BodySettings,
     /// Its range sensor.
@@ -32,6 +36,26 @@ pub struct Settings {
     pub safety: SafetySettings,
     /// How long a search for a path takes before its result may be used.
     pub path_time: Duration,
+}
+
+/// What a vehicle is out for.
+#[derive(Clone, PartialEq, Debug, Default, Serialize, Deserialize)]
+pub enum Task {
+    /// It follows the plans of the ground station.
+    #[default]
+    Plan,
+    /// From place to place in straight lines; it ends in front of what stands there.
+    Legs(Vec<Point>),
+    /// Straight ahead, so far, metres; it ends in front of what stands there.
+    Forward(f64),
+    /// It looks around where it stands.
+    Browse,
+    /// It visits places, on paths around what it sees.
+    Pathfind(Vec<Point>),
+    /// It looks at everything that it can get to, what is near to objects first.
+    Search,
+    /// Together with its peers it looks at everything that can be reached.
+    Explore,
 }
 
 /// Size and motion of the body.
@@ -54,14 +78,23 @@ pub struct LookSettings {
     pub half_angle: Angle,
     /// Nearest distance that gives an echo, metres.
     pub min_range_m: f64,
-    /// Farthest distance that gives an echo, metres.
+    /// Farthest distance from which an echo is believed, metres.
     pub max_range_m: f64,
     /// Up to where no echo means that nothing is there, metres.
     pub sure_range_m: f64,
     /// Time from one reading to the next.
     pub period: Duration,
-    /// Time that the servo needs to point.
+    /// Time that the servo needs to come to rest, beyond that for turning.
     pub settle: Duration,
+    /// Which sensor looks where.
+    pub mounts: Mounts,
+}
+
+impl LookSettings {
+    /// Gives the time in which every beam is looked along once, the turns of the servos included.
+    pub fn cycle(&self) -> Duration {
+        self.period * self.beams.len() as u32 + self.mounts.slew_of_round(&self.beams)
+    }
 }
 
 /// The radio and its place in the ring.
@@ -90,6 +123,8 @@ pub struct SafetySettings {
     pub battery_return: f64,
     /// Below this charge it stays where it is, 0 to 1.
     pub battery_hold: f64,
+    /// A reading nearer than this from where it drives to halts it, however slow it is, metres.
+    pub closeness_m: f64,
 }
 
 impl Settings {

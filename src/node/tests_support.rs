@@ -41,6 +41,7 @@ pub fn settings(vehicle: u8) -> Settings {
             sure_range_m: 3.0,
             period: Duration::from_millis(100),
             settle: Duration::from_millis(50),
+            mounts: crate::plan::Mounts::default(),
         },
         radio: RadioSettings { channel: 11, power_dbm: 0, slot: Duration::from_millis(50) },
         safety: SafetySettings {
@@ -50,7 +51,9 @@ pub fn settings(vehicle: u8) -> Settings {
             autonomy: Duration::from_secs(60),
             battery_return: 0.2,
             battery_hold: 0.05,
+            closeness_m: 0.0,
         },
+        task: crate::node::Task::Plan,
         path_time: Duration::from_millis(20),
     }
 }

@@ -6,7 +6,8 @@
 //! always drives at the configured speed. It judges the age of orders and of commands. Off plan, where no order of
 //! precedence protects it, it also yields: it stops as soon as a peer that moves claims what lies ahead. It has the
 //! *reflex*: a scan nearer than the stopping distance halts the
-//! vehicle without map, plan or network. It does not plan and does not know the map.
+//! vehicle without map, plan or network. It stops as soon as it no longer knows where it is. It does not plan and does not
+//! know the map.
 //!
 //! Orders to stop are enforced here, not by the mission: an order to hold, to land or to return brakes at once, what the
 //! mission had decided before it is not driven any more, and nothing is driven while an order to hold or to land stands.
@@ -165,6 +166,7 @@ impl Vehicle {
         self.telemetry = Some((now, telemetry));
         self.silent_reported = false;
         self.trim_leg(now, telemetry);
+        self.stop_when_lost(now, telemetry, out);
         self.disarm_at_rest(now, telemetry, out);
         self.say_again(now, telemetry, out);
         self.sequence += 1;
@@ -177,6 +179,15 @@ impl Vehicle {
             out.push(Out::Publish(state.clone()));
         }
         out.push(Out::State(state));
+    }
+
+    /// Who no longer knows where it is does not drive on; said once.
+    fn stop_when_lost(&mut self, now: Time, telemetry: Telemetry, out: &mut Vec<Out>) {
+        let is_lost = telemetry.pose.sd_m > self.settings.safety.pose_sd_max_m;
+        if is_lost && telemetry.motion == Motion::Driving && self.stop_said.is_none() {
+            self.stop(now, out);
+            out.push(Out::Remark(Remark::Refused(Refusal::PoseUncertain)));
+        }
     }
 
     /// Drops what was driven of the leg, and the leg itself once the vehicle rests.
@@ -247,7 +258,8 @@ impl Vehicle {
         }
     }
 
-    /// The reflex: halts when a reading in the driven strip is nearer than the vehicle can stop.
+    /// The reflex: halts when a reading in the driven strip is nearer than the vehicle can stop, or than the closeness that
+    /// it was told.
     fn scan(&mut self, now: Time, scan: &Scan, out: &mut Vec<Out>) {
         let Some((_, telemetry)) = self.telemetry else { return };
         if telemetry.motion != Motion::Driving || self.halted {
@@ -256,7 +268,8 @@ impl Vehicle {
         let Some(ahead_m) = self.ahead_m(scan) else { return };
         let speed = telemetry.speed_mps;
         let needs_m = speed * REACTION_S + speed * speed / (2.0 * self.settings.body.braking_mps2);
-        if ahead_m < needs_m + REFLEX_MARGIN_M {
+        let is_close = scan.range_m.is_some_and(|range_m| range_m < self.settings.safety.closeness_m);
+        if is_close || ahead_m < needs_m + REFLEX_MARGIN_M {
             self.stop(now, out);
             self.halted = true;
             let bump = self.bump(now, scan);

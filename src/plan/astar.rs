@@ -11,14 +11,15 @@ use thiserror::Error;
 
 use super::Grid;
 use crate::geom::Cell;
+use crate::map::CellRect;
 
 /// Cost of a step to one of the four nearest neighbours.
-const STRAIGHT: u64 = 1 << 32;
+pub(super) const STRAIGHT: u64 = 1 << 32;
 /// Cost of a diagonal step: √2 · 2³², rounded.
 const DIAGONAL: u64 = 6_074_001_000;
 /// In cells too near to something, where only leaving is allowed, a step costs this many times as much.
 const ESCAPE_FACTOR: u64 = 4;
-const UNSEEN: u64 = u64::MAX;
+pub(super) const UNSEEN: u64 = u64::MAX;
 const NO_STEP: u8 = 8;
 /// The eight steps: first the straight ones, then the diagonals.
 const STEPS: [(i32, i32); 8] = [(1, 0), (0, 1), (-1, 0), (0, -1), (1, 1), (-1, 1), (-1, -1), (1, -1)];
@@ -90,16 +91,44 @@ struct Entry {
 pub fn shortest_cells(grid: &Grid, start: Cell, goal: Cell, rules: &Rules) -> Result<Found, NoRoute> {
     let start_index = grid.index(start).ok_or(NoRoute::StartOutside)?;
     let goal_index = grid.index(goal).ok_or(NoRoute::GoalOutside)?;
-    let escaping = !grid.open(start_index);
-    if escaping && !(rules.escape_m > 0.0 && grid.only_near(start_index)) {
-        return Err(NoRoute::StartBarred);
-    }
+    let escape = escape_from(grid, start, start_index, rules)?;
     if !grid.open(goal_index) {
         return Err(NoRoute::GoalBarred);
     }
-    let escape =
-        escaping.then(|| Escape { from: start, reach_cells: rules.escape_m / grid.lattice().cell_m() });
-    Search::new(grid, rules, escape).run(start_index, goal)
+    let mut search = Search::new(grid, rules, escape);
+    if search.run(start_index, Some(goal)) {
+        return Ok(search.found(goal_index));
+    }
+    Err(NoRoute::Unreachable { searched: search.expanded })
+}
+
+/// Least costs from one cell to all others, and the steps that led there.
+#[derive(Clone, Debug)]
+pub(super) struct Flood {
+    /// Least cost of each cell; [`UNSEEN`] where none leads.
+    pub(super) costs: Vec<u64>,
+    /// The step that led to each cell, as an index of [`STEPS`]; [`NO_STEP`] for the start.
+    pub(super) came_by: Vec<u8>,
+    /// How many cells were reached.
+    pub(super) reached: usize,
+}
+
+/// Finds the least costs from one cell to all others (Dijkstra 1959).
+pub(super) fn flood(grid: &Grid, start: Cell, rules: &Rules) -> Result<Flood, NoRoute> {
+    let start_index = grid.index(start).ok_or(NoRoute::StartOutside)?;
+    let escape = escape_from(grid, start, start_index, rules)?;
+    let mut search = Search::new(grid, rules, escape);
+    search.run(start_index, None);
+    Ok(Flood { costs: search.costs, came_by: search.came_by, reached: search.expanded })
+}
+
+/// Gives the escape that a start too near to something needs; refuses one that is barred.
+fn escape_from(grid: &Grid, start: Cell, index: usize, rules: &Rules) -> Result<Option<Escape>, NoRoute> {
+    let escaping = !grid.open(index);
+    if escaping && !(rules.escape_m > 0.0 && grid.only_near(index)) {
+        return Err(NoRoute::StartBarred);
+    }
+    Ok(escaping.then(|| Escape { from: start, reach_cells: rules.escape_m / grid.lattice().cell_m() }))
 }
 
 /// The cells around a start through which one may leave it, although they are too near to something.
@@ -118,6 +147,8 @@ struct Search<'a> {
     /// The step that led to each cell, as an index of `STEPS`.
     came_by: Vec<u8>,
     queue: BinaryHeap<Reverse<Entry>>,
+    /// How many cells were expanded.
+    expanded: usize,
 }
 
 impl<'a> Search<'a> {
@@ -130,27 +161,28 @@ impl<'a> Search<'a> {
             costs: vec![UNSEEN; width * height],
             came_by: vec![NO_STEP; width * height],
             queue: BinaryHeap::new(),
+            expanded: 0,
         }
     }
 
-    fn run(mut self, start: usize, goal: Cell) -> Result<Found, NoRoute> {
+    /// Searches until the goal is expanded, or all that can be reached; tells whether the goal was.
+    fn run(&mut self, start: usize, goal: Option<Cell>) -> bool {
         self.costs[start] = 0;
         self.queue.push(Reverse(Entry { estimate: 0, cost: Reverse(0), index: start }));
-        let mut expanded = 0;
         while let Some(Reverse(entry)) = self.queue.pop() {
             if entry.cost.0 > self.costs[entry.index] {
                 continue;
             }
-            if self.grid.cell(entry.index) == goal {
-                return Ok(self.found(entry.index, expanded));
+            if Some(self.grid.cell(entry.index)) == goal {
+                return true;
             }
-            expanded += 1;
+            self.expanded += 1;
             self.expand(entry.index, entry.cost.0, goal);
         }
-        Err(NoRoute::Unreachable { searched: expanded })
+        false
     }
 
-    fn expand(&mut self, index: usize, cost: u64, goal: Cell) {
+    fn expand(&mut self, index: usize, cost: u64, goal: Option<Cell>) {
         let cell = self.grid.cell(index);
         let beside = |step: usize| {
             let (dx, dy) = STEPS[step];
@@ -180,7 +212,7 @@ impl<'a> Search<'a> {
     }
 
     #[inline]
-    fn reach(&mut self, to: Option<usize>, step: usize, cost: u64, step_cost: u64, goal: Cell) {
+    fn reach(&mut self, to: Option<usize>, step: usize, cost: u64, step_cost: u64, goal: Option<Cell>) {
         let Some(to) = to else {
             return;
         };
@@ -189,7 +221,7 @@ impl<'a> Search<'a> {
         if new < self.costs[to] {
             self.costs[to] = new;
             self.came_by[to] = step as u8;
-            let estimate = new + self.remaining(self.grid.cell(to), goal);
+            let estimate = new + goal.map_or(0, |goal| self.remaining(self.grid.cell(to), goal));
             self.queue.push(Reverse(Entry { estimate, cost: Reverse(new), index: to }));
         }
     }
@@ -213,24 +245,29 @@ impl<'a> Search<'a> {
         }
     }
 
-    fn found(&self, goal: usize, expanded: usize) -> Found {
-        let (mut cells, mut diagonals) = (vec![self.grid.cell(goal)], 0);
-        let mut index = goal;
-        while self.came_by[index] != NO_STEP {
-            let step = usize::from(self.came_by[index]);
-            diagonals += usize::from(step >= 4);
-            let (cell, (dx, dy)) = (self.grid.cell(index), STEPS[step]);
-            let Some(before) = self.grid.index(Cell::new(cell.x - dx, cell.y - dy)) else {
-                break;
-            };
-            index = before;
-            cells.push(self.grid.cell(index));
-        }
-        cells.reverse();
+    fn found(&self, goal: usize) -> Found {
+        let (cells, diagonals) = walk_back(self.grid.area(), &self.came_by, goal);
         let straights = cells.len() - 1 - diagonals;
         let length_cells = straights as f64 + diagonals as f64 * std::f64::consts::SQRT_2;
-        Found { cells, length_cells, expanded }
+        Found { cells, length_cells, expanded: self.expanded }
     }
+}
+
+/// Gives the way that led to a cell, from its start on, and how many of its steps are diagonal.
+pub(super) fn walk_back(area: CellRect, came_by: &[u8], goal: usize) -> (Vec<Cell>, usize) {
+    let width = area.width_cells() as usize;
+    let cell_of =
+        |index: usize| Cell::new(area.low.x + (index % width) as i32, area.low.y + (index / width) as i32);
+    let (mut cells, mut diagonals, mut index) = (vec![cell_of(goal)], 0, goal);
+    while came_by[index] != NO_STEP {
+        let step = usize::from(came_by[index]);
+        diagonals += usize::from(step >= 4);
+        let (dx, dy) = STEPS[step];
+        index = (index as i64 - i64::from(dy) * width as i64 - i64::from(dx)) as usize;
+        cells.push(cell_of(index));
+    }
+    cells.reverse();
+    (cells, diagonals)
 }
 
 impl Escape {

@@ -6,15 +6,21 @@
 
 mod astar;
 mod corridor;
+mod distance;
+mod frontier;
 mod grid;
 #[cfg(test)]
 mod looking;
+mod mounts;
 mod smooth;
 mod speed;
 mod swath;
 
 pub use astar::{Found, NoRoute, Rules, shortest_cells};
 pub use corridor::{Corridor, Release};
+pub use distance::Distances;
+pub use frontier::{Cluster, FrontierError, Frontiers};
 pub use grid::{Grid, GridError, MAX_GRID_CELLS, swept_clearance_m};
-pub use smooth::{Route, shortest_route};
+pub use mounts::{Aim, Choice, Mount, Mounts, Pointing};
+pub use smooth::{Route, route_along, shortest_route};
 pub use speed::{Sight, SpeedError, stopping_distance_m};

@@ -3,7 +3,7 @@
 
 use super::astar::{NoRoute, Rules, shortest_cells};
 use super::grid::Grid;
-use crate::geom::{Point, Segment};
+use crate::geom::{Cell, Point, Segment};
 
 /// A route over the plane.
 #[derive(Clone, PartialEq, Debug)]
@@ -30,8 +30,22 @@ pub fn shortest_route(grid: &Grid, start: Point, goal: Point, rules: &Rules) -> 
     }
     let lattice = grid.lattice();
     let found = shortest_cells(grid, lattice.cell_at(start), lattice.cell_at(goal), rules)?;
-    let middles: Vec<Point> = found.cells.iter().map(|cell| lattice.centre(*cell)).collect();
-    let arrival = Segment::new(middles[middles.len() - 1], goal);
+    route_along(grid, start, &found.cells, goal)
+}
+
+/// Makes a route of a way over cells of this grid: from a point in its first cell to a point in its last one, and
+/// straightened.
+///
+/// # Errors
+/// [`NoRoute::GoalBarred`] when the goal's own place in its cell is too near to something, or there are no cells.
+pub fn route_along(grid: &Grid, start: Point, cells: &[Cell], goal: Point) -> Result<Route, NoRoute> {
+    let lattice = grid.lattice();
+    let middles: Vec<Point> = cells.iter().map(|cell| lattice.centre(*cell)).collect();
+    let Some(last) = middles.last() else {
+        return Err(NoRoute::GoalBarred);
+    };
+    let cells_length_m = middles.windows(2).map(|pair| pair[0].distance_to(pair[1])).sum();
+    let arrival = Segment::new(*last, goal);
     if !grid.sweeps_clear(arrival) {
         return Err(NoRoute::GoalBarred);
     }
@@ -42,7 +56,7 @@ pub fn shortest_route(grid: &Grid, start: Point, goal: Point, rules: &Rules) -> 
     points.dedup();
     let points = pulled_straight(grid, &points);
     let length_m = points.windows(2).map(|pair| pair[0].distance_to(pair[1])).sum();
-    Ok(Route { points, length_m, cells_length_m: found.length_cells * lattice.cell_m() })
+    Ok(Route { points, length_m, cells_length_m })
 }
 
 /// Leaves out every corner that can be passed in a straight line from the last corner kept.
@@ -64,7 +78,7 @@ fn pulled_straight(grid: &Grid, points: &[Point]) -> Vec<Point> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::geom::{Cell, Lattice};
+    use crate::geom::Lattice;
     use crate::map::CellRect;
     use proptest::prelude::*;
 

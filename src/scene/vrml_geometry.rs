@@ -1,4 +1,5 @@
-//! VRML97 geometry nodes: IndexedFaceSet (cut into fans), Box, Cylinder, Cone, Sphere.
+//! VRML97 geometry nodes: IndexedFaceSet (cut into fans), Box, Cylinder, Cone, Sphere; ElevationGrid and Extrusion have
+//! files of their own.
 //!
 //! Normals, colours, texture coordinates and crease angles are skipped; every face is seen from both sides.
 
@@ -61,6 +62,8 @@ impl<'a> Parser<'a, '_, '_> {
             "Cylinder" => self.round("Cylinder", "radius", primitive::cylinder)?,
             "Cone" => self.round("Cone", "bottomRadius", primitive::cone)?,
             "Sphere" => self.sphere()?,
+            "ElevationGrid" => self.elevation_grid()?,
+            "Extrusion" => self.extrusion()?,
             _ => {
                 self.warn_skipped(node_type);
                 self.skip_block(Token::OpenBrace)?;
@@ -174,21 +177,19 @@ impl<'a> Parser<'a, '_, '_> {
     }
 
     fn indices(&mut self) -> Result<Vec<(i64, usize)>, Refusal> {
-        self.list("coordIndex", |parser| {
-            let word = parser.word("a whole number for coordIndex")?;
-            let line = parser.tokens.line();
-            match word.parse::<i64>() {
-                Ok(index) => Ok((index, line)),
-                Err(_) => {
-                    let found = Token::Word(word);
-                    Err(parser.refuse(format!("found {found}; expected a whole number for coordIndex")))
-                }
-            }
+        self.list("coordIndex", |parser| Ok((parser.whole("coordIndex")?, parser.tokens.line())))
+    }
+
+    /// Reads one whole number.
+    pub(super) fn whole(&mut self, field: &str) -> Result<i64, Refusal> {
+        let word = self.word(&format!("a whole number for {field}"))?;
+        word.parse::<i64>().map_err(|_| {
+            self.refuse(format!("found {}; expected a whole number for {field}", Token::Word(word)))
         })
     }
 
     /// Reads one value, or several between brackets.
-    fn list<T>(
+    pub(super) fn list<T>(
         &mut self,
         field: &str,
         mut value: impl FnMut(&mut Self) -> Result<T, Refusal>,
@@ -208,7 +209,7 @@ impl<'a> Parser<'a, '_, '_> {
         Ok(values)
     }
 
-    fn length(&mut self, field: &str) -> Result<f64, Refusal> {
+    pub(super) fn length(&mut self, field: &str) -> Result<f64, Refusal> {
         let length = self.number(field)?;
         if length > 0.0 {
             return Ok(length);
@@ -216,7 +217,7 @@ impl<'a> Parser<'a, '_, '_> {
         Err(self.refuse(format!("{length} for {field}; expected a number above 0")))
     }
 
-    fn truth(&mut self, field: &str) -> Result<bool, Refusal> {
+    pub(super) fn truth(&mut self, field: &str) -> Result<bool, Refusal> {
         match self.word(&format!("TRUE or FALSE for {field}"))? {
             "TRUE" => Ok(true),
             "FALSE" => Ok(false),

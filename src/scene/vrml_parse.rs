@@ -258,7 +258,7 @@ impl<'a, 'r, 'l> Parser<'a, 'r, 'l> {
     }
 
     /// Reads an axis and an angle; gives the rotation and its inverse.
-    fn rotation(&mut self, field: &str) -> Result<[Affine; 2], Refusal> {
+    pub(super) fn rotation(&mut self, field: &str) -> Result<[Affine; 2], Refusal> {
         let axis = self.vector(field)?;
         let angle_rad = self.number(field)?;
         Ok([Affine::rotation(axis, angle_rad), Affine::rotation(axis, -angle_rad)])

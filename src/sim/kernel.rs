@@ -27,7 +27,7 @@ use super::noise::Noise;
 use super::outcome::Recorder;
 use super::outside::{Happened, Later, Outside, TELEMETRY_EVERY, TRACK_EVERY, first_telemetry};
 use super::queue::EventQueue;
-use super::script::{Script, Step};
+use super::script::{Next, Script, Step};
 use super::shown::{Shown, Shows};
 use super::world::{Touch, World};
 use crate::actor::Fault;
@@ -212,6 +212,7 @@ impl Kernel {
         match event {
             Event::Wake { node, generation } => self.wake(node, generation),
             Event::Telemetry { vehicle } => {
+                self.record.track(vehicle, self.outside.world().truth(vehicle, self.now).at);
                 let telemetry = self.outside.telemetry(vehicle, self.now);
                 self.queue.push(self.now + TELEMETRY_EVERY, Event::Telemetry { vehicle });
                 self.tell(vehicle, node::Event::Telemetry(telemetry))
@@ -303,7 +304,7 @@ impl Kernel {
                 let touches = self.outside.fly(vehicle, self.now, &fly);
                 self.foresee(touches);
             }
-            node::Effect::Steer(beam) => self.outside.steer(vehicle, beam),
+            node::Effect::Steer(beam) => self.outside.steer(vehicle, self.now, beam),
             node::Effect::Ping(_) | node::Effect::Transmit(_) if self.ended.is_some() => {}
             node::Effect::Ping(ping) => self.ping(vehicle, ping.number),
             node::Effect::Transmit(beacon) => self.transmit(vehicle, beacon),
@@ -416,13 +417,28 @@ impl Kernel {
             VehicleNote::Vehicle(remark) => self.log(&who, format_args!("{remark:?}")),
             VehicleNote::Mission(remark) => {
                 self.log(&who, format_args!("{remark:?}"));
-                if matches!(remark, MissionRemark::Home) {
-                    let (alive, home, _) = self.muster();
-                    let next = self.script.came_home(home, alive);
-                    self.follow(next);
-                }
+                self.heed(vehicle, remark);
             }
         }
+    }
+
+    /// Takes what matters to the script out of what a mission says.
+    fn heed(&mut self, vehicle: usize, remark: &MissionRemark) {
+        let next = match remark {
+            MissionRemark::Home => {
+                let (alive, home, _) = self.muster();
+                self.script.came_home(home, alive)
+            }
+            MissionRemark::Ended(end) => {
+                self.record.missions[vehicle].1 = Some((self.now, end.clone()));
+                let (alive, ..) = self.muster();
+                let ended =
+                    |vehicle: &usize| !self.is_dead[*vehicle] && self.record.missions[*vehicle].1.is_some();
+                self.script.mission_ended((0..self.vehicles.len()).filter(ended).count(), alive)
+            }
+            _ => Next::Nothing,
+        };
+        self.follow(next);
     }
 
     fn carry_out_ground(&mut self) {

@@ -1,6 +1,7 @@
 //! The world in virtual time: kernel, bodies, simulated drivers, radio field, bus.
 
 mod air;
+pub mod attitude;
 pub mod body;
 pub mod bus;
 pub mod contact;
@@ -19,11 +20,12 @@ pub mod range;
 mod scenario;
 pub mod script;
 mod shown;
+pub mod visible;
 mod world;
 
 pub use entry::Entry;
 pub use kernel::Status;
-pub use outcome::{Counts, Found, Outcome};
+pub use outcome::{Counts, Found, Mission, Outcome};
 pub use scenario::{RunError, Scenario, ScenarioError};
 pub use script::{EMPTY_RUN, RUN};
 pub use shown::{Shown, ShownVehicle};

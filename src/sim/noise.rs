@@ -35,6 +35,10 @@ pub enum Purpose {
     Placement,
     /// When the nodes of a scenario start.
     Start,
+    /// Whether a range reading is a glitch.
+    Glitch,
+    /// How far away a glitch seems to be.
+    GlitchRange,
 }
 
 /// The noise of one seed.

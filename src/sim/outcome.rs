@@ -11,6 +11,7 @@ use super::world::Collision;
 use crate::geom::Point;
 use crate::ground::imager::{Picture, Subject};
 use crate::map::Merged;
+use crate::node::mission::End;
 use crate::scene::{Outline, Person};
 use crate::time::Time;
 use crate::tomo::{Link, Peak, Reconstruction};
@@ -36,11 +37,16 @@ pub struct Counts {
     pub messages: u64,
 }
 
+/// A vehicle, and when and how its own mission ended.
+pub type Mission = (VehicleId, Option<(Time, End)>);
+
 /// What is written down while a run goes on.
 pub(super) struct Recorder {
     pub log: Log,
     pub counts: Counts,
     pub tracks: Vec<(VehicleId, Vec<Point>)>,
+    /// When and how the mission of each vehicle ended.
+    pub missions: Vec<Mission>,
     pub pictures: Vec<Picture>,
     pub sweep_done: bool,
     pub failure: Option<String>,
@@ -56,6 +62,7 @@ impl Recorder {
             log: Log::default(),
             counts: Counts::default(),
             tracks: ids.iter().map(|id| (*id, Vec::new())).collect(),
+            missions: ids.iter().map(|id| (*id, None)).collect(),
             pictures: Vec::new(),
             sweep_done: false,
             failure: None,
@@ -141,8 +148,10 @@ pub struct Outcome {
     pub structure: Option<Reconstruction>,
     /// The merged map of the ground station.
     pub map: Merged,
-    /// Where each vehicle truly was, about once a second.
+    /// Where each vehicle truly was, 0.05 m and more apart, at the times of its telemetry.
     pub tracks: Vec<(VehicleId, Vec<Point>)>,
+    /// When and how the own mission of each vehicle ended; none ends in a sweep.
+    pub missions: Vec<Mission>,
     /// Who stood in the scene.
     pub persons: Vec<Person>,
     /// What stood in the scene at antenna height, without the persons.

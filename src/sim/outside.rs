@@ -14,6 +14,7 @@ use super::world::{Collision, Stage, Touch, World};
 use crate::geom::Angle;
 use crate::node::sensor::Echo;
 use crate::node::vehicle::{Fly, Telemetry};
+use crate::plan::Pointing;
 use crate::time::Time;
 
 /// Telemetry comes this often.
@@ -74,14 +75,14 @@ pub enum Happened {
 pub struct Outside {
     world: World,
     air: Air,
-    beams: Vec<Angle>,
+    servos: Vec<Pointing>,
 }
 
 impl Outside {
     /// Takes a world with all its vehicles in place.
     pub fn new(world: World) -> Outside {
-        let beams = vec![Angle::default(); world.vehicles()];
-        Outside { world, air: Air::default(), beams }
+        let servos = vec![Pointing::new(world.mounts().clone()); world.vehicles()];
+        Outside { world, air: Air::default(), servos }
     }
 
     /// Gives the world.
@@ -114,14 +115,15 @@ impl Outside {
         self.world.fly(vehicle, now, fly)
     }
 
-    /// Points the range sensor of a vehicle, relative to its heading.
-    pub fn steer(&mut self, vehicle: usize, beam: Angle) {
-        self.beams[vehicle] = beam;
+    /// Points the range sensor of a vehicle that reaches a direction (against its heading); its servo begins to turn.
+    pub fn steer(&mut self, vehicle: usize, now: Time, beam: Angle) {
+        self.servos[vehicle].steer(now.since(Time::ZERO), beam);
     }
 
-    /// Lets the range sensor of a vehicle measure; gives when the reading is there.
+    /// Lets the range sensor that was pointed last measure, wherever its servo stands; gives when the reading is there.
     pub fn ping(&self, vehicle: usize, now: Time, number: u64) -> (Time, Later) {
-        let (range_m, takes) = self.world.echo(vehicle, now, self.beams[vehicle], number);
+        let beam = self.servos[vehicle].beam(now.since(Time::ZERO));
+        let (range_m, takes) = self.world.echo(vehicle, now, beam, number);
         (now + takes, Later::Echo { vehicle, echo: Echo { number, range_m } })
     }
 

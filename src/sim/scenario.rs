@@ -13,12 +13,12 @@ use super::noise::{Noise, Purpose};
 use super::outcome::{Outcome, Recorder};
 use super::outside::{Outside, TRACK_EVERY, first_telemetry};
 use super::radio_field::{RadioConstants, RadioField};
-use super::range::{RangeModel, RangeSensor};
+use super::range::{Lobe, RangeModel, RangeSensor};
 use super::script::{EMPTY_RUN, RUN, Script};
 use super::shown::Shown;
 use super::world::{Build, Stage, World};
 use crate::actor::Fault;
-use crate::config::{self, Expect, Sim};
+use crate::config::{self, Expect, Sim, Task};
 use crate::geom::Point;
 use crate::ground::imager::Subject;
 use crate::ground::planner::Method;
@@ -121,13 +121,33 @@ impl Scenario {
         Ok(self.scene(&[])?.outlines(self.sim.vehicles.antenna_height_m))
     }
 
+    /// Gives what stands in the scene, without the persons.
+    ///
+    /// # Errors
+    /// The scene cannot be built.
+    pub fn structure(&self) -> Result<Scene, ScenarioError> {
+        Ok(self.scene(&[])?)
+    }
+
     /// Gives what happens by itself in this scenario.
     ///
     /// # Errors
     /// The scene cannot be built.
     pub fn script(&self) -> Result<Script, ScenarioError> {
         let (_, second) = self.outside()?;
-        Ok(Script::new(second, self.sim.end, self.sim.expect))
+        Ok(self.script_with(second))
+    }
+
+    fn script_with(&self, second: Option<Stage>) -> Script {
+        match self.sim.task {
+            Task::Sweep => Script::new(second, self.sim.end, self.sim.expect),
+            Task::Legs { .. }
+            | Task::Forward { .. }
+            | Task::Browse
+            | Task::Search
+            | Task::Pathfind { .. }
+            | Task::Explore => Script::of_missions(self.sim.end, self.sim.expect),
+        }
     }
 
     /// Gives the positions that are measured from.
@@ -239,7 +259,7 @@ impl Scenario {
             settings,
             faults: Faults::new(sim.faults.clone()),
             ground: self.ground()?,
-            script: Script::new(second, sim.end, sim.expect),
+            script: self.script_with(second),
             until: Time::ZERO + sim.until,
             shuffle_ties: self.shuffle_ties,
             shown_every: self.shown_every,
@@ -272,7 +292,8 @@ impl Scenario {
             noise,
             RadioField::new(noise, radio_constants(&sim.radio)),
             RangeSensor::new(self.range()),
-        );
+        )
+        .with_mounts(sim.range.mounts.clone());
         for vehicle in sim.vehicle_ids() {
             let Some(home) = sim.home(vehicle) else { continue };
             let heading = home.angle_to(sim.venue.area.centre());
@@ -308,6 +329,12 @@ impl Scenario {
             max_m: range.max_range_m,
             incidence_max_rad: range.incidence_limit_rad,
             sd_m: range.noise_sd_m,
+            lobe: match range.lobe {
+                config::Lobe::Beam => Lobe::Beam,
+                config::Lobe::Fan => Lobe::Fan,
+                config::Lobe::Cone => Lobe::Cone,
+            },
+            glitch_share: range.glitch_share,
             ..RangeModel::default()
         }
     }
@@ -344,7 +371,7 @@ impl Scenario {
     fn unmet(&self, record: &Recorder) -> Option<String> {
         let alive = record.alive;
         match self.sim.expect {
-            Expect::Finished => (!record.sweep_done).then(|| "the sweep did not end in time".to_owned()),
+            Expect::Finished => (!record.sweep_done).then(|| self.unended(record)),
             Expect::Home => {
                 (record.home < alive).then(|| format!("only {} of {alive} vehicles are home", record.home))
             }
@@ -352,6 +379,15 @@ impl Scenario {
                 (record.held < alive).then(|| format!("only {} of {alive} vehicles are held", record.held))
             }
         }
+    }
+
+    fn unended(&self, record: &Recorder) -> String {
+        if self.sim.task == Task::Sweep {
+            return "the sweep did not end in time".to_owned();
+        }
+        let under_way = record.missions.iter().filter(|(_, end)| end.is_none());
+        let ids: Vec<String> = under_way.map(|(id, _)| id.to_string()).collect();
+        format!("the missions of vehicles {} did not end in time", ids.join(", "))
     }
 
     fn outcome(&self, kernel: Kernel) -> Result<Outcome, ScenarioError> {
@@ -377,6 +413,7 @@ impl Scenario {
             structure: Outcome::take(&mut record.pictures, Subject::Structure),
             map: station.map().clone(),
             tracks: record.tracks,
+            missions: record.missions,
             persons: self.persons.clone(),
             outlines,
             counts: record.counts,

@@ -1,5 +1,5 @@
-//! What happens in a scenario by itself: when sweeps are wished, when the persons enter, when everybody is
-//! sent home, and when the run is over or has failed. It carries nothing out: the kernel does.
+//! What happens in a scenario by itself: when sweeps are wished or missions begin, when the persons enter, when
+//! everybody is sent home, and when the run is over or has failed. It carries nothing out: the kernel does.
 
 use std::time::Duration;
 
@@ -31,6 +31,8 @@ pub enum Step {
     PeopleEnter,
     /// The sweep whose picture is wanted begins.
     BeginMain,
+    /// Every vehicle begins its own mission.
+    BeginMissions,
     /// Everybody is sent home.
     ReturnHome,
     /// Who is not home by now is not waited for.
@@ -46,6 +48,8 @@ pub enum Act {
         /// The sweep that it is compared with.
         empty: Option<RunId>,
     },
+    /// The operator starts every vehicle.
+    Start,
     /// The world changes.
     Enter(Option<Box<Stage>>),
     /// The operator orders everybody home.
@@ -74,6 +78,8 @@ pub struct Script {
     end: End,
     expect: Expect,
     empty: Option<RunId>,
+    /// Every vehicle has a mission of its own, and nothing is swept.
+    has_missions: bool,
     sweep_done: bool,
     /// Everybody was sent home.
     is_returning: bool,
@@ -87,14 +93,25 @@ impl Script {
             end,
             expect,
             empty: None,
+            has_missions: false,
             sweep_done: false,
             is_returning: false,
         }
     }
 
+    /// Makes the script of a scenario in which every vehicle has a mission of its own.
+    pub fn of_missions(end: End, expect: Expect) -> Script {
+        Script { has_missions: true, ..Script::new(None, end, expect) }
+    }
+
     /// Gives the first step.
     pub fn first(&self) -> (Duration, Step) {
-        (BEGIN_AT, if self.outside.is_some() { Step::BeginFirst } else { Step::BeginMain })
+        let step = match self.outside {
+            _ if self.has_missions => Step::BeginMissions,
+            Some(_) => Step::BeginFirst,
+            None => Step::BeginMain,
+        };
+        (BEGIN_AT, step)
     }
 
     /// Gives how many sweeps are still to be driven, the present one included.
@@ -102,7 +119,7 @@ impl Script {
         if self.outside.is_some() { 2 } else { 1 }
     }
 
-    /// Tells whether the sweep whose picture is wanted is done.
+    /// Tells whether the sweep whose picture is wanted is done, or every mission has ended.
     pub fn is_sweep_done(&self) -> bool {
         self.sweep_done
     }
@@ -116,6 +133,7 @@ impl Script {
                 (Act::Enter(self.outside.take()), Next::Step(ENTER_TAKES, Step::BeginMain))
             }
             Step::BeginMain => (Act::Sweep { run: RUN, empty: self.empty }, Next::Nothing),
+            Step::BeginMissions => (Act::Start, Next::Nothing),
             Step::ReturnHome => {
                 self.is_returning = true;
                 (Act::ReturnHome, Next::Step(HOME_WITHIN, Step::GiveUpWaiting))
@@ -162,6 +180,19 @@ impl Script {
         if !self.sweep_done || run != RUN || subject != Subject::Structure {
             return Next::Nothing;
         }
+        self.done()
+    }
+
+    /// Gives what follows when a vehicle's mission has ended: so many have now, of those whose software runs.
+    pub fn mission_ended(&mut self, ended: usize, of: usize) -> Next {
+        if !self.has_missions || self.sweep_done || ended < of {
+            return Next::Nothing;
+        }
+        self.sweep_done = true;
+        self.done()
+    }
+
+    fn done(&self) -> Next {
         match self.end {
             End::Hold => Next::End,
             End::Return => Next::Step(Duration::ZERO, Step::ReturnHome),
@@ -214,6 +245,17 @@ mod tests {
             assert_eq!(script.picture(EMPTY_RUN, Subject::Structure), Next::Nothing);
             assert_eq!(script.picture(RUN, Subject::Structure), last);
         }
+    }
+
+    #[test]
+    fn missions_begin_by_a_start_and_are_done_when_the_last_one_has_ended() {
+        let mut script = Script::of_missions(End::Return, Expect::Finished);
+        assert!(matches!(script.step(script.first().1).0, Act::Start));
+        assert_eq!(script.mission_ended(1, 2), Next::Nothing);
+        assert!(!script.is_sweep_done());
+        assert_eq!(script.mission_ended(2, 2), Next::Step(Duration::ZERO, Step::ReturnHome));
+        assert!(script.is_sweep_done());
+        assert_eq!(script.mission_ended(2, 2), Next::Nothing, "only once");
     }
 
     #[test]

@@ -16,6 +16,7 @@ use super::radio_field::{RadioField, Transmission};
 use super::range::{Disc, RangeSensor, Surroundings};
 use crate::geom::{Angle, Point, Polygon, Pose, Segment, Vector};
 use crate::node::vehicle::{Fly, Motion, Telemetry};
+use crate::plan::Mounts;
 use crate::scene::{Attenuation, Scene};
 use crate::time::Time;
 
@@ -106,6 +107,7 @@ pub struct World {
     noise: Noise,
     field: RadioField,
     sensor: RangeSensor,
+    mounts: Mounts,
     /// Up to when each pair's distance has been judged; index = one × rovers + other.
     judged: Vec<Time>,
     min_separation_m: f64,
@@ -131,11 +133,22 @@ impl World {
             noise,
             field,
             sensor,
+            mounts: Mounts::default(),
             judged: Vec::new(),
             min_separation_m: f64::INFINITY,
             collisions: Vec::new(),
             fence_breaches: 0,
         }
+    }
+
+    /// Gives every vehicle these range sensors, in place of a single one that looks anywhere at once.
+    pub fn with_mounts(self, mounts: Mounts) -> World {
+        World { mounts, ..self }
+    }
+
+    /// Gives the range sensors of a vehicle.
+    pub fn mounts(&self) -> &Mounts {
+        &self.mounts
     }
 
     /// Puts a vehicle at rest into the world.
@@ -346,9 +359,7 @@ impl World {
         let rover = &self.rovers[vehicle];
         let truth = rover.body.pose_at(now);
         let others = self.rovers.iter().enumerate().filter(|(index, _)| *index != vehicle);
-        let discs: Vec<Disc> = others
-            .map(|(_, peer)| Disc { centre: peer.body.pose_at(now).at, radius_m: self.build.radius_m })
-            .collect();
+        let discs: Vec<Disc> = others.map(|(_, peer)| self.disc(peer.body.pose_at(now).at)).collect();
         let cast = |origin, direction, max_m| {
             let hit = self.stage.scene.cast(origin, direction, max_m)?;
             Some((hit.distance_m, hit.normal))
@@ -357,6 +368,12 @@ impl World {
         let ids = [u64::from(rover.id.0), number];
         let around = Surroundings { cast: &cast, discs: &discs };
         self.sensor.echo(origin, truth.heading + beam, around, &self.noise, &ids)
+    }
+
+    /// A vehicle as range sensors see it; at least as high as its own sensor.
+    fn disc(&self, centre: Point) -> Disc {
+        let Build { radius_m, height_m, sensor_m, .. } = self.build;
+        Disc { centre, radius_m, low_m: 0.0, high_m: height_m.max(sensor_m) }
     }
 
     /// Gives what the range sensor reads, and after which time.

@@ -64,16 +64,6 @@ fn civil(days: u64) -> (u64, u64, u64) {
     (year + era * 400 + u64::from(month <= 2), month, day)
 }
 
-/// Gives the frame of a venue on the earth.
-pub fn plane_of(venue: &Venue) -> TangentPlane {
-    let datum = Geodetic {
-        latitude_deg: venue.datum.latitude_deg,
-        longitude_deg: venue.datum.longitude_deg,
-        altitude_m: venue.datum.altitude_m,
-    };
-    TangentPlane::new(datum, venue.x_axis_bearing)
-}
-
 /// Where a picture's pixels lie on the earth, as a world file says it (degrees, WGS84): `corner` is the local place of the
 /// upper left corner of the picture, rows run against y.
 pub fn world_file(plane: &TangentPlane, corner: Point, metres_per_px: f64) -> String {
@@ -100,7 +90,7 @@ pub struct Features {
 impl Features {
     /// Begins with what the venue says: area, fence, homes.
     pub fn of_venue(venue: &Venue) -> Features {
-        let mut features = Features { plane: plane_of(venue), list: Vec::new() };
+        let mut features = Features { plane: venue.plane(), list: Vec::new() };
         let name = &venue.name;
         features.add(polygon(&venue.area.corners()), json!({"what": "area", "venue": name}));
         features.add(polygon(venue.fence.corners()), json!({"what": "fence", "venue": name}));

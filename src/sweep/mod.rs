@@ -10,6 +10,9 @@ mod approach;
 mod error;
 mod fan;
 mod follower;
+mod objective;
+mod pareto;
+mod pattern;
 mod precedence;
 #[cfg(test)]
 mod random_worlds;
@@ -17,16 +20,23 @@ mod ring;
 mod rotating_gap;
 mod schedule;
 mod separation;
+mod snap;
 mod succession;
 mod verdict;
 
 pub use error::{PlanError, SweepError};
 pub use fan::{FanRequest, fan};
 pub use follower::Follower;
+pub use objective::LinkSetQuality;
+pub use pareto::{dominates, hypervolume_contributions, non_dominated_layers};
+pub use pattern::{
+    LatticePoint, MAX_PATTERN_SIZE, MIN_PATTERN_SIZE, Pattern, PatternError, PatternKind, square,
+};
 pub use precedence::{order_legs, tracks_of, validate};
 pub use ring::{MAX_POSITIONS, MIN_POSITIONS, Ring, Side};
 pub use rotating_gap::{GapRequest, default_laps, rotating_gap};
 pub use schedule::{Lap, Schedule, Sweep, expected_duration_s, has_done};
 pub use separation::check_separation;
+pub use snap::snap_to_boundary;
 pub use succession::{Phase, Succession};
 pub use verdict::{FollowError, Refusal, Verdict, WaitsFor};

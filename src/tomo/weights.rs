@@ -5,7 +5,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::geom::{PixelGrid, Point, Segment};
+use crate::geom::{PixelGrid, Segment};
 
 /// The weight of a pixel by its excess path e = |from − c| + |c − to| − d.
 #[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
@@ -48,8 +48,9 @@ impl WeightModel {
         }
     }
 
-    /// Gives the weight at an excess path for a link of length `d_m`, before rescaling.
-    fn weight(self, excess_m: f64, d_m: f64, pixel_m2: f64) -> f64 {
+    /// Gives the weight at an excess path (metres, within the model's reach) for a link of length `d_m`, before
+    /// rescaling; the soft models are not cut here. 0 for the line, which has no such weight.
+    pub fn weight(self, excess_m: f64, d_m: f64, pixel_m2: f64) -> f64 {
         match self {
             WeightModel::Line => 0.0,
             WeightModel::Ellipse { .. } => 1.0 / d_m.sqrt(),
@@ -181,7 +182,7 @@ impl WeightRows {
             let mut joined = false;
             for column in first..=(if last < 0.0 { continue } else { last as usize }) {
                 let pixel = grid.index(column, row);
-                let excess_m = excess_path_m(link, grid.centre(pixel));
+                let excess_m = link.excess_path_m(grid.centre(pixel));
                 if excess_m < reach_m {
                     self.push_value(pixel as u32, model.weight(excess_m, d_m, pixel_m2), joined);
                     joined = true;
@@ -256,10 +257,6 @@ fn dot(a: &[f64], b: &[f64]) -> f64 {
     (sums[0] + sums[1]) + (sums[2] + sums[3]) + rest
 }
 
-fn excess_path_m(link: Segment, at: Point) -> f64 {
-    (link.from.distance_to(at) + at.distance_to(link.to) - link.length_m()).max(0.0)
-}
-
 /// Gives the span of x in which a horizontal line lies inside the ellipse of points with excess path under `reach_m`.
 fn ellipse_span(link: Segment, reach_m: f64, y_m: f64) -> Option<(f64, f64)> {
     let d_m = link.length_m();
@@ -279,25 +276,10 @@ fn ellipse_span(link: Segment, reach_m: f64, y_m: f64) -> Option<(f64, f64)> {
     Some((centre - half, centre + half))
 }
 
-/// Gives the shares of the link at which it enters and leaves the grid's area (Liang & Barsky 1984).
+/// Gives the shares of the link at which it enters and leaves the grid's area.
 fn shares_inside(link: Segment, grid: &PixelGrid) -> Option<(f64, f64)> {
-    let (vector, area) = (link.vector(), grid.area);
-    let axes = [
-        (link.from.x_m, vector.x_m, area.min.x_m, area.max.x_m),
-        (link.from.y_m, vector.y_m, area.min.y_m, area.max.y_m),
-    ];
-    let (mut enter, mut leave) = (0.0f64, 1.0f64);
-    for (start, step, low, high) in axes {
-        if step == 0.0 {
-            if start < low || start > high {
-                return None;
-            }
-            continue;
-        }
-        let (a, b) = ((low - start) / step, (high - start) / step);
-        enter = enter.max(a.min(b));
-        leave = leave.min(a.max(b));
-    }
+    let (enter, leave) = grid.area.line_shares(link)?;
+    let (enter, leave) = (enter.max(0.0), leave.min(1.0));
     (enter < leave).then_some((enter, leave))
 }
 
@@ -338,7 +320,7 @@ fn chords(link: Segment, grid: &PixelGrid) -> Vec<(u32, f64)> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::geom::Rect;
+    use crate::geom::{Point, Rect};
     use proptest::prelude::*;
 
     fn grid(columns: usize, rows: usize, width_m: f64, height_m: f64) -> PixelGrid {

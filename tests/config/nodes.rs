@@ -84,6 +84,7 @@ fn a_vehicles_file_gives_every_value_a_default() {
         autonomy: Duration::from_secs(60),
         battery_return: 0.2,
         battery_hold: 0.05,
+        closeness_m: 0.0,
     };
     assert_eq!(file.safety, safety);
     assert_eq!(vehicle(&format!("{VEHICLE}record.limit_mb = 0\n")).record.limit_bytes(), None);
@@ -112,6 +113,9 @@ range.max_range_m = 5
 range.sure_range_m = 4
 range.scan_period_s = 0.2
 range.settle_s = 0.1
+range.farness_m = 4.5
+range.sensor = [{ mount_deg = 90, servo_from_deg = -100, servo_to_deg = 10, slew_s_per_60_deg = 0.12 }]
+safety.closeness_m = 0.4
 radio.channel = 20
 radio.power_dbm = -5
 radio.slot_ms = 80
@@ -123,7 +127,16 @@ safety.pose_sd_max_m = 0.4
     assert_eq!((told.body.radius_m, told.body.speed_mps, told.body.braking_mps2), (0.3, 0.4, 2.0));
     assert_eq!(told.look.beams.len(), 2);
     assert!((told.look.half_angle.degrees() - 10.0).abs() < 1e-9);
-    assert_eq!((told.look.min_range_m, told.look.max_range_m, told.look.sure_range_m), (0.1, 5.0, 4.0));
+    // What is farther than farness_m is ignored, whatever the sensor hears.
+    assert_eq!((told.look.min_range_m, told.look.max_range_m, told.look.sure_range_m), (0.1, 4.5, 4.0));
+    let [mount] = told.look.mounts.all() else { panic!("{:?}", told.look.mounts) };
+    assert!((mount.zero.degrees() - 90.0).abs() < 1e-9);
+    assert!(
+        (mount.from_rad.to_degrees() + 100.0).abs() < 1e-9 && (mount.to_rad.to_degrees() - 10.0).abs() < 1e-9
+    );
+    // From 0° to 10° and back, at 0.12 s for 60°: 0.04 s beside two periods of 0.2 s.
+    assert!((told.look.cycle().as_secs_f64() - 0.44).abs() < 1e-6, "{:?}", told.look.cycle());
+    assert_eq!(told.safety.closeness_m, 0.4);
     assert_eq!(
         (told.look.period, told.look.settle),
         (Duration::from_millis(200), Duration::from_millis(100))

@@ -479,3 +479,42 @@ fn a_fan_may_have_a_round_for_every_position_and_a_rotating_gap_64_laps() {
         "configs/a.toml:5: sweep.laps = 65: is out of range; a whole number from 1 to 64 is allowed"
     );
 }
+
+#[test]
+fn sensors_that_cannot_look_where_they_should_are_refused() {
+    check_sim(
+        "[range]\nfarness_m = 2.5\n[[range.sensor]]\nservo_from_deg = -30\nservo_to_deg = 30\n",
+        &[
+            "configs/a.toml:1: range.beams_deg = [0.0, 25.0, -25.0, 50.0, -50.0] (the default): 50° is reached by no servo; directions within the limits of a [[range.sensor]] are allowed",
+            "configs/a.toml:1: range.beams_deg = [0.0, 25.0, -25.0, 50.0, -50.0] (the default): -50° is reached by no servo; directions within the limits of a [[range.sensor]] are allowed",
+            "configs/a.toml:5: range.farness_m = 2.5: is nearer than sure_range_m: what stands there would be taken for free; at least sure_range_m is allowed",
+        ],
+    );
+    check_sim(
+        "[range]\nbeams_deg = [0, 180]\nscan_period_s = 0.05\n[[range.sensor]]\nmount_deg = 200\n[[range.sensor]]\nservo_from_deg = 5\nservo_to_deg = -5\nslew_s_per_60_deg = -1\n",
+        &[
+            "configs/a.toml:8: range.sensor[0].mount_deg = 200: is out of range; a number from -180 to 180 is allowed",
+            "configs/a.toml:11: range.sensor[1].servo_to_deg = -5: is below servo_from_deg; at least servo_from_deg is allowed",
+            "configs/a.toml:12: range.sensor[1].slew_s_per_60_deg = -1: is out of range; a number from 0 to 10 is allowed",
+        ],
+    );
+    check_sim(
+        "[range]\nbeams_deg = [0, 180]\nscan_period_s = 0.05\n[[range.sensor]]\n[[range.sensor]]\nmount_deg = 180\n",
+        &[
+            "configs/a.toml:6: range.scan_period_s = 0.05: lets the next sensor hear the echo of the last: less than an echo from max_range_m takes; more is needed, or a shorter range",
+        ],
+    );
+}
+
+#[test]
+fn the_speed_limit_counts_the_turns_of_the_servos() {
+    // As above, 1.016 m without turns. Five beams at ±50° on one servo of 0.1 s for 60°: 200° a round, 0.33 s, and at
+    // worst 100° more: 0.17 s; 0.25 m at 0.5 m/s.
+    let is_refused = |sure_m: f64| {
+        let sensor = "[[range.sensor]]\nservo_from_deg = -50\nservo_to_deg = 50\nslew_s_per_60_deg = 0.1\n";
+        let lines = format!("[range]\nsure_range_m = {sure_m}\nbeams_deg = [0, 25, 50, -25, -50]\n{sensor}");
+        !problems_of("configs/a.toml", &format!("{SIM}{lines}")).starts_with("accepted")
+    };
+    assert!(is_refused(1.26));
+    assert!(!is_refused(1.27));
+}

@@ -397,6 +397,7 @@ fn settings(vehicle: u8, boot: u32) -> Settings {
             sure_range_m: 3.0,
             period: Duration::from_millis(100),
             settle: Duration::from_millis(50),
+            mounts: tomoswarm::plan::Mounts::default(),
         },
         radio: RadioSettings { channel: 11, power_dbm: 0, slot: Duration::from_millis(50) },
         safety: SafetySettings {
@@ -406,7 +407,9 @@ fn settings(vehicle: u8, boot: u32) -> Settings {
             autonomy: Duration::from_secs(60),
             battery_return: 0.2,
             battery_hold: 0.05,
+            closeness_m: 0.0,
         },
+        task: tomoswarm::node::Task::Plan,
         path_time: Duration::from_millis(20),
     }
 }

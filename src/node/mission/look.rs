@@ -20,6 +20,7 @@ const TURN_MAX: Duration = Duration::from_secs(12);
 pub struct Look {
     toward: Angle,
     turn: usize,
+    turns: usize,
     since: Time,
     seen_from: Option<Time>,
 }
@@ -38,7 +39,17 @@ pub enum Next {
 impl Look {
     /// Begins with the heading toward what is unknown.
     pub fn toward(angle: Angle, now: Time) -> Look {
-        Look { toward: angle, turn: 0, since: now, seen_from: None }
+        Look { toward: angle, turn: 0, turns: OFFSETS_DEG.len(), since: now, seen_from: None }
+    }
+
+    /// Looks along one heading only.
+    pub fn once(angle: Angle, now: Time) -> Look {
+        Look { turns: 1, ..Look::toward(angle, now) }
+    }
+
+    /// Gives the heading that it began with.
+    pub fn toward_heading(&self) -> Angle {
+        self.toward
     }
 
     /// Gives the heading looked at now.
@@ -59,7 +70,7 @@ impl Look {
         self.turn += 1;
         self.since = now;
         self.seen_from = None;
-        if self.turn == OFFSETS_DEG.len() { Next::Over } else { Next::Turn(self.heading()) }
+        if self.turn >= self.turns { Next::Over } else { Next::Turn(self.heading()) }
     }
 }
 

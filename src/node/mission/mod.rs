@@ -18,6 +18,7 @@
 //! Deadlines: `repeat progress`, `the dwell at the stop ends`, `path ready`, `search again`.
 
 mod autonomy;
+mod errand;
 mod look;
 mod pilot;
 mod returning;
@@ -34,6 +35,7 @@ use tomoswarm_proto::{
 };
 
 use self::autonomy::Links;
+use self::errand::{Errand, Scene};
 use self::pilot::{Met, Pilot};
 use self::returning::Line;
 use super::Settings;
@@ -47,6 +49,7 @@ use crate::sweep::{Follower, Refusal, Verdict, WaitsFor};
 use crate::time::{Deadline, Time};
 
 pub use autonomy::Cause;
+pub use errand::End;
 
 /// Progress is repeated this often.
 const REPEAT_EVERY: Duration = Duration::from_secs(1);
@@ -124,6 +127,14 @@ pub enum Remark {
     Skipped(StopId),
     /// All stops are done.
     Finished(RunId),
+    /// A place of the mission was visited.
+    Visited(Point),
+    /// A place of the mission was passed over.
+    Passed(Point),
+    /// No way leads to a place of the mission: so many cells that can be reached were searched.
+    NoWay(Point, usize),
+    /// The mission has ended.
+    Ended(End),
     /// The vehicle is back home.
     Home,
     /// This vehicle is heard neither by bus nor by radio: an obstacle until it is.
@@ -179,6 +190,8 @@ pub struct Mission {
     state: Option<State>,
     follower: Option<Follower>,
     pilot: Pilot,
+    /// What it does when the ground station does not plan for it.
+    errand: Option<Errand>,
     wanted: Wanted,
     line: Line,
     /// Why it wants that, unless it was ordered.
@@ -210,6 +223,7 @@ impl Mission {
         let repeat_at = Time::ZERO + REPEAT_EVERY + Duration::from_millis(53) * u32::from(settings.vehicle.0);
         Mission {
             pilot: Pilot::new(settings.clone()),
+            errand: Errand::of(&settings),
             peers: Peers::new(settings.vehicle),
             settings,
             state: None,
@@ -263,6 +277,9 @@ impl Mission {
     }
 
     fn follow(&mut self, now: Time, out: &mut Vec<Out>) {
+        if self.errand.is_some() {
+            return self.run_errand(now, out);
+        }
         if self.is_off_plan {
             return self.stay();
         }
@@ -280,6 +297,15 @@ impl Mission {
         if (self.pilot.failures() >= FAILURES_MAX || is_asked) && !commanded {
             self.stay();
         }
+    }
+
+    fn run_errand(&mut self, now: Time, out: &mut Vec<Out>) {
+        let met = self.advance(now, out);
+        let (Some(state), Some(errand)) = (&self.state, &mut self.errand) else { return };
+        let mut scene = Scene { now, state, pilot: &mut self.pilot, peers: &self.peers, out };
+        errand.go_on(&mut scene, &met);
+        // What was chosen just now is begun at once.
+        self.advance(now, out);
     }
 
     /// Enters legs ahead as far as the plans allow, so that stops without dwell are driven through.
@@ -304,16 +330,21 @@ impl Mission {
     }
 
     fn drive(&mut self, now: Time, out: &mut Vec<Out>) {
-        let Some(state) = &self.state else { return };
+        for met in self.advance(now, out) {
+            self.meet(now, met, out);
+        }
+    }
+
+    /// Lets the pilot go on; gives what it met.
+    fn advance(&mut self, now: Time, out: &mut Vec<Out>) -> Vec<Met> {
+        let Some(state) = &self.state else { return Vec::new() };
         let stands = |peer: &&Peer| peer.resting || peer.is_silent(now);
         let standing = self.peers.iter().map(|(_, peer)| peer).filter(stands).map(|peer| peer.claim.clone());
         self.pilot.keep_clear_of(standing.collect());
         let mut met = Vec::new();
         let command = self.pilot.advance(now, state, &mut met);
         out.extend(command.map(|command| Out::Command(now, command)));
-        for met in met {
-            self.meet(now, met, out);
-        }
+        met
     }
 
     fn meet(&mut self, now: Time, met: Met, out: &mut Vec<Out>) {
@@ -426,6 +457,9 @@ impl Mission {
     }
 
     fn stop(&mut self, now: Time, out: &mut Vec<Out>) {
+        if let Some(errand) = &mut self.errand {
+            errand.interrupt(now);
+        }
         self.pilot.halted(now);
         out.push(Out::Command(now, Command::Hold));
     }
@@ -478,6 +512,10 @@ impl Mission {
     fn pilot_deadline(&self) -> Option<Deadline> {
         match self.wanted {
             _ if self.links.is_alone => None,
+            Wanted::Following if self.errand.is_some() => {
+                let errand = self.errand.as_ref().and_then(Errand::deadline);
+                Deadline::earlier(errand, self.pilot.deadline())
+            }
             Wanted::Following if self.is_off_plan => None,
             Wanted::Following | Wanted::Returning { under_way: true, .. } => self.pilot.deadline(),
             Wanted::Waiting | Wanted::Held | Wanted::Home | Wanted::Returning { under_way: false, .. } => {
@@ -500,7 +538,12 @@ impl Actor for Mission {
         match input {
             In::State(state) => self.state(now, state, out),
             In::Peer(state) => self.peers.take(now, &state),
-            In::Tile(tile) => self.pilot.learn(&tile),
+            In::Tile(tile) => {
+                self.pilot.learn(&tile);
+                if let Some(errand) = &mut self.errand {
+                    errand.learn(&tile);
+                }
+            }
             In::Plan(plan) => self.plan(now, &plan, out),
             In::Progress(progress) => self.hear(now, &progress, out),
             In::Sighted(sighting) => {

@@ -10,6 +10,8 @@
 
 mod search;
 
+pub use search::RULES;
+
 use std::collections::VecDeque;
 use std::time::Duration;
 
@@ -128,6 +130,8 @@ pub struct Pilot {
     needs_path: bool,
     /// A path was found, and nothing of it has been driven.
     path_is_fresh: bool,
+    /// The way is driven as it is: what blocks it is said, and no other is searched.
+    is_strict: bool,
     /// Looks since the last drive.
     looks: u32,
     /// Where the vehicle has been, oldest first: the way back out of a dead end.
@@ -159,6 +163,7 @@ impl Pilot {
             bumps: Vec::new(),
             needs_path: false,
             path_is_fresh: false,
+            is_strict: false,
             looks: 0,
             trail: VecDeque::new(),
             retreat_m: None,
@@ -190,7 +195,26 @@ impl Pilot {
         self.doing = Doing::Driving;
         (self.commanded_m, self.retreat_m) = (None, None);
         (self.refusals, self.refused_paths, self.failures) = (0, 0, 0);
-        (self.unknown, self.needs_path) = (Unknown::Free, false);
+        (self.unknown, self.needs_path, self.is_strict) = (Unknown::Free, false, false);
+    }
+
+    /// Takes a route, corners after where the vehicle is, that is driven as it is: what blocks it is said, and whoever
+    /// gave it decides. What is unknown on it is looked at as on every way.
+    pub fn take_route(&mut self, place: Point, corners: &[Point]) {
+        let Some((end, corners)) = corners.split_last() else { return };
+        self.give_up(place);
+        self.way.append(corners.iter().copied(), *end, None);
+        (self.is_strict, self.looked, self.looks) = (true, false, 0);
+    }
+
+    /// Gives how far the middle of the vehicle keeps from what stands there, metres.
+    pub fn keep_m(&self, pose: Pose) -> f64 {
+        self.half_width_m(pose)
+    }
+
+    /// Gives what is known of the world.
+    pub fn map(&self) -> &Merged {
+        &self.map
     }
 
     /// Tells how many searches in a row have found nothing on the way that can be reached.
@@ -381,7 +405,9 @@ impl Pilot {
             self.refusals = 0;
             self.retreat_m = None;
             met.push(Met::Blocked(pose.at));
-            self.search(now, pose);
+            if !self.is_strict {
+                self.search(now, pose);
+            }
             return None;
         }
         if goes_m >= GO_M || (ends_way && goes_m > 0.0) {
@@ -416,11 +442,12 @@ impl Pilot {
             }
             unknown => {
                 met.push(Met::Blocked(release.blocked.or(unknown).unwrap_or(pose.at)));
-                if std::mem::take(&mut self.path_is_fresh) {
-                    self.fail(now, met);
-                } else {
-                    self.search(now, pose);
+                match (self.is_strict, self.path_is_fresh) {
+                    (true, _) => {}
+                    (false, true) => self.fail(now, met),
+                    (false, false) => self.search(now, pose),
                 }
+                self.path_is_fresh = false;
                 None
             }
         }
@@ -442,7 +469,7 @@ impl Pilot {
             self.doing = Doing::Driving;
             return self.drive(now, pose, resting, met);
         }
-        let cycle = self.settings.look.period * self.settings.look.beams.len() as u32;
+        let cycle = self.settings.look.cycle();
         match look.next(now, pose.heading, resting, cycle * 3) {
             Next::Turn(heading) => {
                 self.commanded_at = now;

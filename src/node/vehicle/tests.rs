@@ -397,3 +397,60 @@ fn a_disarming_that_was_lost_is_said_again_until_telemetry_shows_it() {
     told(&mut vehicle, 4.1, In::Order(order(OrderKind::Start, LEASE, 2, 11)));
     assert!(!(22..=30).any(|tenth| said(&mut vehicle, tenth, true)), "it was armed again");
 }
+
+#[test]
+fn what_is_nearer_than_the_closeness_halts_it_however_slow_it_is() {
+    // At 0.1 m/s it could stop within 0.37 m of its middle.
+    let halts = |closeness_m: f64, range_m: f64, beam_deg: f64| {
+        let mut told_so = settings(1);
+        told_so.safety.closeness_m = closeness_m;
+        let mut vehicle = Vehicle::new(told_so);
+        told(&mut vehicle, 1.0, telemetry(0.0, 0.0, 0.05));
+        told(&mut vehicle, 1.1, drive(&[(0.0, 0.0), (3.0, 0.0)]));
+        told(&mut vehicle, 1.2, telemetry(0.0, 0.1, 0.05));
+        let is_halted = stops(&told(&mut vehicle, 1.2, scan(range_m, beam_deg)));
+        told(&mut vehicle, 2.0, telemetry(0.0, 0.0, 0.05));
+        let again = refusal(&told(&mut vehicle, 2.0, drive(&[(0.0, 0.0), (3.0, 0.0)])));
+        assert_eq!(again, is_halted.then_some(Refusal::Bump), "and is not driven at again");
+        assert!(flies(&told(&mut vehicle, 2.1, drive(&[(0.0, 0.0), (-3.0, 0.0)]))), "but can be left");
+        is_halted
+    };
+    assert!(!halts(0.0, 0.6, 0.0));
+    assert!(halts(0.7, 0.6, 0.0) && !halts(0.7, 0.8, 0.0));
+    assert!(!halts(0.7, 0.6, 70.0), "what is beside the way does not count");
+}
+
+#[test]
+fn who_loses_its_place_on_the_way_stops_once_and_drives_again_when_it_has_it_back() {
+    let mut vehicle = vehicle();
+    told(&mut vehicle, 1.1, drive(&[(0.0, 0.0), (9.0, 0.0)]));
+    assert!(!stops(&told(&mut vehicle, 1.2, telemetry(0.1, 0.5, 0.4))), "0.5 m are allowed");
+    let out = told(&mut vehicle, 1.3, telemetry(0.1, 0.5, 0.6));
+    assert!(stops(&out));
+    assert_eq!(refusal(&out), Some(Refusal::PoseUncertain));
+    assert_eq!(refusal(&told(&mut vehicle, 1.4, telemetry(0.2, 0.4, 0.7))), None, "said once");
+    told(&mut vehicle, 2.0, telemetry(0.2, 0.0, 0.8));
+    assert_eq!(
+        refusal(&told(&mut vehicle, 2.1, drive(&[(0.2, 0.0), (9.0, 0.0)]))),
+        Some(Refusal::PoseUncertain)
+    );
+    told(&mut vehicle, 2.2, telemetry(0.2, 0.0, 0.05));
+    assert!(flies(&told(&mut vehicle, 2.3, drive(&[(0.2, 0.0), (9.0, 0.0)]))));
+}
+
+#[test]
+fn a_pause_keeps_the_vehicle_where_it_is_and_a_start_lets_it_go_on() {
+    let mut vehicle = vehicle();
+    told(&mut vehicle, 1.1, drive(&[(0.0, 0.0), (9.0, 0.0)]));
+    told(&mut vehicle, 2.0, telemetry(0.4, 0.5, 0.05));
+    assert!(stops(&told(&mut vehicle, 2.0, In::Order(order(OrderKind::Hold, LEASE, 1, 1)))));
+    for second in 3..60 {
+        let now_s = f64::from(second);
+        told(&mut vehicle, now_s, telemetry(0.5, 0.0, 0.05));
+        let out = told(&mut vehicle, now_s, drive(&[(0.5, 0.0), (9.0, 0.0)]));
+        assert_eq!((flies(&out), refusal(&out)), (false, Some(Refusal::Held)), "after {second} s");
+    }
+    let resume = order(OrderKind::Start, LEASE, 2, vehicle.sequence);
+    told(&mut vehicle, 60.0, In::Order(resume));
+    assert!(flies(&told(&mut vehicle, 60.1, drive(&[(0.5, 0.0), (9.0, 0.0)]))));
+}

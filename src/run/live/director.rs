@@ -254,6 +254,10 @@ impl Director {
                 self.note("scenario", &format!("sweep {run} is wished"));
                 self.begin(now, OrderKind::Start, Some(run))
             }
+            Act::Start => {
+                self.note("scenario", "the missions begin");
+                self.begin(now, OrderKind::Start, None)
+            }
             Act::Enter(_) => {
                 self.note("scenario", "the persons enter");
                 match self.control.enter() {

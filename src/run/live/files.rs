@@ -8,6 +8,7 @@ use tomoswarm_proto::{RunId, VehicleId};
 
 use crate::config::{Imaging, Planner, Prior, Sim, Solver, Sweep, Topology, Weights};
 use crate::geom::Angle;
+use crate::plan::{Mount, Mounts};
 
 /// What recordings of one node may take, megabytes.
 const RECORD_MB: usize = 64;
@@ -157,6 +158,18 @@ fn look(text: &mut String, sim: &Sim) {
     number(text, "sure_range_m", range.sure_range_m);
     number(text, "scan_period_s", range.scan_period.as_secs_f64());
     number(text, "settle_s", range.settle.as_secs_f64());
+    number(text, "farness_m", range.farness_m);
+    if range.mounts != Mounts::default() {
+        range.mounts.all().iter().for_each(|mount| sensor(text, mount));
+    }
+}
+
+fn sensor(text: &mut String, mount: &Mount) {
+    let _ = writeln!(text, "\n[[range.sensor]]");
+    number(text, "mount_deg", degrees(mount.zero.radians()));
+    number(text, "servo_from_deg", degrees(mount.from_rad));
+    number(text, "servo_to_deg", degrees(mount.to_rad));
+    number(text, "slew_s_per_60_deg", mount.slew_s_per_rad * 60f64.to_radians());
 }
 
 fn safety(text: &mut String, sim: &Sim) {
@@ -167,6 +180,7 @@ fn safety(text: &mut String, sim: &Sim) {
     number(text, "pose_sd_max_m", safety.pose_sd_max_m);
     number(text, "autonomy_s", safety.autonomy.as_secs_f64());
     number(text, "battery_return", safety.battery_return);
+    number(text, "closeness_m", safety.closeness_m);
 }
 
 fn sweep(text: &mut String, sweep: &Sweep) {
@@ -230,7 +244,7 @@ mod tests {
             max_speed_mps = 0.4\nacceleration_mps2 = 0.7\nbraking_mps2 = 1.5\nturn_rate_deg_per_s = 77\npose_sd_m = 0.04\n\
             [range]\nbeams_deg = [10, -20, 33.3]\nhalf_angle_deg = 12\nmin_range_m = 0.03\nmax_range_m = 5\n\
             sure_range_m = 3.5\nscan_period_s = 0.08\nsettle_s = 0.02\n[safety]\npadding_m = 0.12\nseparation_m = 1.2\n\
-            pose_sd_max_m = 0.4\nautonomy_s = 55\nbattery_return = 0.3\n[radio]\nchannel = 17\npower_dbm = -3\nslot_ms = 40\n\
+            pose_sd_max_m = 0.4\nautonomy_s = 55\nbattery_return = 0.3\ncloseness_m = 0.35\n[radio]\nchannel = 17\npower_dbm = -3\nslot_ms = 40\n\
             sensitivity_dbm = -95\n[sweep]\npositions = 60\nlaps = 7\n[imaging]\npixels = [30, 31]\nbin_m = 0.4\n\
             min_link_m = 2.5\nrim_m = 1.1\npeaks = 4\npeak_separation_m = 2.5\nsolver = \"tikhonov\"\nweights = \"line\"\n\
             [imaging.prior]\nsigma_db_per_m = 0.7\n[imaging.structure_prior]\ncorrelation_length_m = 1.3\n";

@@ -69,6 +69,7 @@ pub fn outcome(
         structure: stored.structure,
         map: stored.map,
         tracks,
+        missions: Vec::new(),
         persons: scenario.persons().to_vec(),
         outlines: scenario.outlines()?,
         counts: Counts {

@@ -242,7 +242,7 @@ impl LiveWorld {
         // From outside an angle may be any number.
         let beam = Angle::from_radians(beam.radians());
         if beam.radians().is_finite() {
-            self.outside.steer(index, beam);
+            self.outside.steer(index, self.now, beam);
         } else {
             self.status.dropped += 1;
         }

@@ -5,6 +5,7 @@ mod build;
 mod castle;
 mod contact;
 mod vrml;
+mod vrml_surfaces;
 
 use std::collections::BTreeMap;
 

@@ -66,6 +66,7 @@ fn settings() -> Settings {
             sure_range_m: 3.0,
             period: Duration::from_millis(100),
             settle: Duration::from_millis(30),
+            mounts: crate::plan::Mounts::default(),
         },
         radio: RadioSettings { channel: 15, power_dbm: 0, slot: Duration::from_millis(50) },
         safety: SafetySettings {
@@ -75,7 +76,9 @@ fn settings() -> Settings {
             autonomy: Duration::from_secs(60),
             battery_return: 0.2,
             battery_hold: 0.05,
+            closeness_m: 0.0,
         },
+        task: crate::node::Task::Plan,
         path_time: Duration::from_millis(50),
     }
 }

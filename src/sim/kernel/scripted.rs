@@ -27,6 +27,10 @@ impl Kernel {
                 self.log("scenario", format_args!("sweep {run} is wished"));
                 self.tell_ground(ground::Event::Operator(Wish::Sweep { run, empty }))
             }
+            Act::Start => {
+                self.log("scenario", format_args!("the missions begin"));
+                self.tell_ground(ground::Event::Operator(Wish::Order(OrderKind::Start)))
+            }
             Act::Enter(stage) => {
                 if let Some(stage) = stage {
                     let touches = self.outside.set_stage(*stage, self.now);

@@ -19,6 +19,13 @@ const ESCAPE_M: f64 = 1.0;
 /// Who stands too near to a peer may leave it over places this near, metres.
 const LEAVE_M: f64 = 0.6;
 
+/// How paths are searched.
+pub const RULES: Rules = Rules { diagonal: true, cut_corners: false, escape_m: ESCAPE_M };
+
+fn is_small(area: &CellRect) -> bool {
+    area.width_cells().saturating_mul(area.height_cells()) <= MAX_GRID_CELLS
+}
+
 impl Pilot {
     /// Searches a path to the nearest corner ahead that can be reached; the result may be used later.
     pub(super) fn search(&mut self, now: Time, pose: Pose) {
@@ -85,13 +92,40 @@ impl Pilot {
         unknown_allowed: bool,
         peers: &[Vec<Point>],
     ) -> Option<Vec<Point>> {
-        let rules = Rules { escape_m: ESCAPE_M, ..Rules::default() };
         let area = self.area(pose.at, goal)?;
+        let grid = self.grid(now, pose, goal, area, unknown_allowed, peers)?;
+        let points = shortest_route(&grid, pose.at, goal, &RULES).ok()?.points;
+        peers.iter().all(|claim| self.keeps_clear_of(claim, &points)).then_some(points)
+    }
+
+    /// Gives where the vehicle may be within an area, on its way to a goal; `None` when the area is too large.
+    fn grid(
+        &self,
+        now: Time,
+        pose: Pose,
+        goal: Point,
+        area: CellRect,
+        unknown_allowed: bool,
+        peers: &[Vec<Point>],
+    ) -> Option<Grid> {
         let view = self.map.view(self.settings.slice, area);
         let mut grid = Grid::of_map(&view, area, self.half_width_m(pose), unknown_allowed).ok()?;
         self.close(&mut grid, now, pose, goal, peers);
-        let points = shortest_route(&grid, pose.at, goal, &rules).ok()?.points;
-        peers.iter().all(|claim| self.keeps_clear_of(claim, &points)).then_some(points)
+        Some(grid)
+    }
+
+    /// Gives where the vehicle may be in all of the fence, clear of what `peers` claim; `None` when the fence is too
+    /// large to search.
+    pub fn ground(
+        &self,
+        now: Time,
+        pose: Pose,
+        goal: Point,
+        unknown_allowed: bool,
+        peers: &[Vec<Point>],
+    ) -> Option<Grid> {
+        let area = self.fenced(pose.at, goal)?;
+        self.grid(now, pose, goal, area, unknown_allowed, peers)
     }
 
     /// Tells whether a route keeps its distance from a peer, or leads away from it, as the vehicle actor asks.
@@ -109,15 +143,18 @@ impl Pilot {
     /// would be as large as the way to it.)
     fn area(&self, start: Point, goal: Point) -> Option<CellRect> {
         let lattice = self.settings.lattice;
-        let is_small =
-            |area: &CellRect| area.width_cells().saturating_mul(area.height_cells()) <= MAX_GRID_CELLS;
         let near = CellRect::around(lattice, &[start, goal], SEARCH_MARGIN_M).filter(is_small);
         if goal != self.settings.home {
             return near;
         }
+        self.fenced(start, goal).or(near)
+    }
+
+    /// Gives the cells of the fence, and of start and goal; `None` when these are too many.
+    fn fenced(&self, start: Point, goal: Point) -> Option<CellRect> {
         let fence = self.settings.fence.corners().iter().copied();
         let places: Vec<Point> = fence.chain([start, goal]).collect();
-        CellRect::around(lattice, &places, 0.0).filter(is_small).or(near)
+        CellRect::around(self.settings.lattice, &places, 0.0).filter(is_small)
     }
 
     /// Closes what the map does not know: the fence, peers that stand, and what made the reflex halt. Where the

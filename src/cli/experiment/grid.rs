@@ -1,0 +1,144 @@
+//! An experiment with all files that it names, each read once, so that a file that changes under way changes nothing.
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+use std::sync::{Arc, Mutex, PoisonError};
+
+use crate::cli::error::CliError;
+use crate::cli::load::{self, Loaded};
+use crate::cli::read;
+use crate::config::{self, Experiment, Problems, Sim};
+use crate::scene::VrmlScene;
+use crate::sim::{Scenario, ScenarioError};
+
+/// Cells that are named for a mistake.
+const CELLS_NAMED: usize = 3;
+
+type Load = Box<dyn FnMut(&str) -> Result<String, String> + Send>;
+
+/// The files of an experiment.
+struct Files {
+    texts: BTreeMap<String, Result<String, String>>,
+    /// Shapes by the file that holds them, and their upward axis.
+    shapes: BTreeMap<(String, bool), Arc<VrmlScene>>,
+    load: Load,
+}
+
+impl Files {
+    fn text(&mut self, name: &str) -> Result<String, String> {
+        let load = &mut self.load;
+        self.texts.entry(name.to_owned()).or_insert_with(|| load(name)).clone()
+    }
+
+    fn shapes(&mut self, sim: &Sim) -> Result<Arc<VrmlScene>, CliError> {
+        let key = (sim.scene.wrl.clone().unwrap_or_default(), sim.scene.up == config::Up::Y);
+        if let Some(known) = self.shapes.get(&key) {
+            return Ok(known.clone());
+        }
+        let shapes = Arc::new(load::shapes_of(&sim.scene, &mut |name| self.text(name))?);
+        self.shapes.insert(key, shapes.clone());
+        Ok(shapes)
+    }
+}
+
+/// An experiment, ready to be checked and run.
+pub(super) struct Grid {
+    config: PathBuf,
+    experiment: Experiment,
+    files: Mutex<Files>,
+}
+
+impl Grid {
+    /// Reads an experiment's file.
+    ///
+    /// # Errors
+    /// Everything that is wrong with it; the simulations are checked by [`Grid::check`].
+    pub(super) fn load(config: &Path) -> Result<Grid, CliError> {
+        let (name, text) = (read::shown(config), read::text(config)?);
+        let experiment = config::read_experiment(&name, &text)?;
+        let texts = BTreeMap::from([(name, Ok(text))]);
+        let load: Load = Box::new(read::around(config));
+        let files = Mutex::new(Files { texts, shapes: BTreeMap::new(), load });
+        Ok(Grid { config: config.to_owned(), experiment, files })
+    }
+
+    /// Gives the experiment.
+    pub(super) fn experiment(&self) -> &Experiment {
+        &self.experiment
+    }
+
+    /// Makes every cell of the grid, and lists all that cannot be run.
+    ///
+    /// # Errors
+    /// Every mistake once, with the cells that have it.
+    pub(super) fn check(&self) -> Result<(), CliError> {
+        let mut mistakes: Vec<(String, Vec<usize>)> = Vec::new();
+        let mut index: BTreeMap<String, usize> = BTreeMap::new();
+        for cell in 0..self.experiment.cells() {
+            let Err(error) = self.check_cell(cell) else { continue };
+            for line in error.to_string().lines() {
+                let place = *index.entry(line.to_owned()).or_insert_with(|| {
+                    mistakes.push((line.to_owned(), Vec::new()));
+                    mistakes.len() - 1
+                });
+                mistakes[place].1.push(cell);
+            }
+        }
+        if mistakes.is_empty() {
+            return Ok(());
+        }
+        Err(CliError::Usage(self.in_words(&mistakes)))
+    }
+
+    fn check_cell(&self, cell: usize) -> Result<(), CliError> {
+        let seeds = self.experiment.seeds();
+        let loaded = self.loaded(cell)?;
+        load::scenario(loaded, Some(&self.config), self.experiment.seed_of(cell * seeds)).map(drop)
+    }
+
+    fn in_words(&self, mistakes: &[(String, Vec<usize>)]) -> String {
+        let (cells, seeds) = (self.experiment.cells(), self.experiment.seeds());
+        let said = |(line, wrong): &(String, Vec<usize>)| {
+            let keys: Vec<String> =
+                wrong.iter().take(CELLS_NAMED).map(|cell| self.experiment.key(cell * seeds, false)).collect();
+            let more = if wrong.len() > CELLS_NAMED { "; …" } else { "" };
+            format!("{line}\n  in {} of {cells} cells: {}{more}", wrong.len(), keys.join("; "))
+        };
+        let list: Vec<String> = mistakes.iter().map(said).collect();
+        format!("{}: the grid cannot be run\n{}", self.config.display(), list.join("\n"))
+    }
+
+    fn sim(&self, cell: usize) -> Result<(Sim, Arc<VrmlScene>), CliError> {
+        let mut files = self.files.lock().unwrap_or_else(PoisonError::into_inner);
+        let sim: Result<Sim, Problems> = self.experiment.sim(cell, &mut |name| files.text(name));
+        let sim = sim?;
+        let shapes = files.shapes(&sim)?;
+        Ok((sim, shapes))
+    }
+
+    fn loaded(&self, cell: usize) -> Result<Loaded, CliError> {
+        let (sim, shapes) = self.sim(cell)?;
+        Ok(Loaded::new(sim, VrmlScene::clone(&shapes)))
+    }
+
+    /// Makes the scenario of a run.
+    ///
+    /// # Errors
+    /// What the files alone could not tell, for this seed.
+    pub(super) fn scenario(&self, run: usize) -> Result<Scenario, CliError> {
+        let (sim, shapes) = self.sim(run / self.experiment.seeds())?;
+        let seed = self.experiment.seed_of(run).unwrap_or(sim.seed);
+        let refused = |error: ScenarioError| CliError::Usage(error.to_string());
+        Scenario::new(sim, shapes.shapes.clone(), seed).map_err(refused)
+    }
+
+    /// Gives a hash over all files that have been read, without their names; complete once the grid is checked.
+    /// (FNV-1a, 64 bits.)
+    pub(super) fn hash(&self) -> u64 {
+        let files = self.files.lock().unwrap_or_else(PoisonError::into_inner);
+        let texts = files.texts.values().filter_map(|text| text.as_ref().ok());
+        let bytes = texts.flat_map(|text| (text.len() as u64).to_le_bytes().into_iter().chain(text.bytes()));
+        bytes
+            .fold(0xcbf2_9ce4_8422_2325, |hash, byte| (hash ^ u64::from(byte)).wrapping_mul(0x0100_0000_01b3))
+    }
+}

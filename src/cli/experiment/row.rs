@@ -1,0 +1,240 @@
+//! What a run of an experiment gave, in figures, and all runs as CSV. Nothing here depends on how fast the machine is.
+
+use std::fmt::Write;
+
+use serde::{Deserialize, Serialize};
+
+use super::seen::Seen;
+use crate::config::{Axis, Experiment};
+use crate::geom::Point;
+use crate::node::mission;
+use crate::scene::Person;
+use crate::sim::visible;
+use crate::sim::{Mission, Outcome, log};
+
+/// How a run ended.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub(super) enum End {
+    /// As its file expects.
+    Finished,
+    /// In another way.
+    Failed,
+    /// It could not begin with this seed.
+    Refused,
+    /// The program was at fault.
+    Fault,
+}
+
+impl End {
+    /// Gives the word for it.
+    pub(super) fn word(self) -> &'static str {
+        match self {
+            End::Finished => "finished",
+            End::Failed => "failed",
+            End::Refused => "refused",
+            End::Fault => "fault",
+        }
+    }
+}
+
+/// What a run gave.
+#[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
+pub(super) struct Row {
+    /// Its number in the grid, from 0.
+    pub(super) run: usize,
+    /// How it ended.
+    pub(super) end: End,
+    /// Why it did not finish; empty when it did.
+    pub(super) why: String,
+    /// How the mission ended, of the vehicle with the worst end; empty for a sweep.
+    pub(super) mission: String,
+    /// When the last mission ended, seconds of virtual time; the way home comes after it.
+    pub(super) mission_s: f64,
+    /// Contacts that the referee saw.
+    pub(super) collisions: usize,
+    /// Commands that led over the fence.
+    pub(super) fence_breaches: usize,
+    /// Virtual time at the end, seconds.
+    pub(super) simulated_s: f64,
+    /// Cells that are occupied in the merged map at the end.
+    pub(super) occupied_cells: usize,
+    /// Cells with a piece of surface that can be seen from where a vehicle can get to.
+    pub(super) visible_cells: usize,
+    /// How many of them the map has found.
+    pub(super) detected_cells: usize,
+    /// Those of the visible cells that were in range along the driven tracks.
+    pub(super) route_cells: usize,
+    /// How many of them the map has found.
+    pub(super) route_detected_cells: usize,
+    /// Length of all tracks together, metres.
+    pub(super) path_m: f64,
+    /// Smallest distance between a body and an object, metres; `None` in an empty scene.
+    pub(super) clearance_m: Option<f64>,
+    /// Hash over the run's log.
+    pub(super) log_hash: String,
+}
+
+/// The map's slice in which rovers drive.
+const SLICE: i16 = 0;
+
+impl Row {
+    /// Makes the row of a run that came to no outcome.
+    pub(super) fn without_figures(run: usize, end: End, why: String) -> Row {
+        Row {
+            run,
+            end,
+            why,
+            mission: String::new(),
+            mission_s: 0.0,
+            collisions: 0,
+            fence_breaches: 0,
+            simulated_s: 0.0,
+            occupied_cells: 0,
+            visible_cells: 0,
+            detected_cells: 0,
+            route_cells: 0,
+            route_detected_cells: 0,
+            path_m: 0.0,
+            clearance_m: None,
+            log_hash: String::new(),
+        }
+    }
+
+    /// Takes the figures of an outcome.
+    pub(super) fn of(run: usize, outcome: &Outcome, seen: &Seen) -> Row {
+        let tracks = || outcome.tracks.iter().map(|(_, track)| track.as_slice());
+        let route = seen.visible.along(&seen.scene, &seen.sight, tracks());
+        let found = |cells| visible::detected(&outcome.map, SLICE, cells);
+        Row {
+            run,
+            end: if outcome.finished { End::Finished } else { End::Failed },
+            why: outcome.failure.clone().unwrap_or_default(),
+            mission: worst_of(&outcome.missions),
+            mission_s: last_of(&outcome.missions),
+            collisions: outcome.collisions.len(),
+            fence_breaches: outcome.fence_breaches,
+            simulated_s: outcome.simulated.as_secs_f64(),
+            occupied_cells: visible::occupied(&outcome.map, SLICE),
+            visible_cells: seen.visible.cells.len(),
+            detected_cells: found(&seen.visible.cells),
+            route_cells: route.len(),
+            route_detected_cells: found(&route),
+            path_m: tracks().map(length_m).sum(),
+            clearance_m: visible::least_clearance_m(&seen.scene, seen.body, tracks(), &|at| {
+                to_nearest_m(&outcome.persons, at)
+            }),
+            log_hash: format!("{:016x}", log::hash(outcome.log.bytes().map(u64::from))),
+        }
+    }
+
+    /// Gives the share of the visible cells that was found, 0 to 1; `None` when nothing can be seen.
+    pub(super) fn share(&self) -> Option<f64> {
+        share(self.detected_cells, self.visible_cells)
+    }
+
+    /// Gives the share of what was in range along the tracks that was found, 0 to 1; `None` when nothing was.
+    pub(super) fn route_share(&self) -> Option<f64> {
+        share(self.route_detected_cells, self.route_cells)
+    }
+
+    fn fields(&self) -> [String; 17] {
+        let percent = |share: Option<f64>| share.map_or(String::new(), |share| format!("{share:.4}"));
+        [
+            self.end.word().to_owned(),
+            quoted(&self.why),
+            self.mission.clone(),
+            format!("{:.1}", self.mission_s),
+            self.collisions.to_string(),
+            self.fence_breaches.to_string(),
+            format!("{:.1}", self.simulated_s),
+            self.occupied_cells.to_string(),
+            self.visible_cells.to_string(),
+            self.detected_cells.to_string(),
+            percent(self.share()),
+            self.route_cells.to_string(),
+            self.route_detected_cells.to_string(),
+            percent(self.route_share()),
+            format!("{:.2}", self.path_m),
+            self.clearance_m.map_or(String::new(), |metres| format!("{metres:.3}")),
+            self.log_hash.clone(),
+        ]
+    }
+}
+
+const FIELDS: [&str; 17] = [
+    "end",
+    "why",
+    "mission_end",
+    "mission_s",
+    "collisions",
+    "fence_breaches",
+    "simulated_s",
+    "occupied_cells",
+    "visible_cells",
+    "detected_cells",
+    "detected_share",
+    "route_cells",
+    "route_detected_cells",
+    "route_detected_share",
+    "path_m",
+    "min_clearance_m",
+    "log_hash",
+];
+
+/// How missions end, best first.
+pub(super) const ENDS: [&str; 5] = ["done", "stopped", "no way", "gave up", "under way"];
+
+/// Gives the word for the worst end of all vehicles' missions; nothing when none has ended.
+fn worst_of(missions: &[Mission]) -> String {
+    let rank = |(_, end): &Mission| match end.as_ref().map(|(_, end)| end) {
+        Some(mission::End::Done) => 0,
+        Some(mission::End::Stopped(_)) => 1,
+        Some(mission::End::NoWay(_)) => 2,
+        Some(mission::End::GaveUp(_)) => 3,
+        None => 4,
+    };
+    if missions.iter().all(|(_, end)| end.is_none()) {
+        return String::new();
+    }
+    let worst = missions.iter().map(rank).max().unwrap_or_default();
+    ENDS.get(worst).copied().unwrap_or_default().to_owned()
+}
+
+fn last_of(missions: &[Mission]) -> f64 {
+    missions.iter().filter_map(|(_, end)| Some(end.as_ref()?.0.as_secs_f64())).fold(0.0, f64::max)
+}
+
+fn share(part: usize, of: usize) -> Option<f64> {
+    (of > 0).then(|| part as f64 / of as f64)
+}
+
+fn length_m(track: &[Point]) -> f64 {
+    track.windows(2).map(|pair| pair[0].distance_to(pair[1])).sum()
+}
+
+/// Gives the distance from a place to the nearest person's side, metres.
+fn to_nearest_m(persons: &[Person], at: Point) -> f64 {
+    let to_side_m = |person: &Person| person.at.distance_to(at) - person.radius_m;
+    persons.iter().map(to_side_m).fold(f64::INFINITY, f64::min)
+}
+
+/// Quotes a text for CSV where that is needed.
+fn quoted(text: &str) -> String {
+    if text.contains(['"', ',', '\n', '\r']) {
+        return format!("\"{}\"", text.replace('"', "\"\"").replace(['\n', '\r'], " "));
+    }
+    text.to_owned()
+}
+
+/// Gives all runs as CSV, a row each; `rows` are in grid order.
+pub(super) fn csv(experiment: &Experiment, rows: &[Row]) -> String {
+    let axes = Axis::ALL.map(Axis::word).join(",");
+    let mut text = format!("run,{axes},{}\n", FIELDS.join(","));
+    for row in rows {
+        let values = Axis::ALL.map(|axis| experiment.name_of(row.run, axis)).join(",");
+        // Writing into a string cannot fail.
+        let _ = writeln!(text, "{},{values},{}", row.run, row.fields().join(","));
+    }
+    text
+}

@@ -1,0 +1,187 @@
+//! The table of an experiment: a line for every group of runs, and below it why some did not finish.
+
+use std::collections::BTreeMap;
+use std::fmt::Write;
+
+use super::row::{ENDS, End, Row};
+use crate::config::{Axis, Experiment};
+
+/// Reasons that are shown of a group.
+const REASONS_SHOWN: usize = 3;
+
+const HEAD: [&str; 14] = [
+    "runs",
+    "finished",
+    "ends",
+    "collided",
+    "time/s",
+    "mission/s",
+    "cells",
+    "seen/%",
+    "least",
+    "route/%",
+    "least",
+    "path/m",
+    "clear/m",
+    "fence",
+];
+
+const LEGEND: &str = "\
+ends: how missions ended, of each run the vehicle with the worst end. mission: when the last one ended, before the way
+home. time, mission, cells, seen, route, path: means over the runs of a line. cells: occupied in the map at the end. seen: share of the
+surface visible from where a vehicle can get to that is occupied in the map, within one cell; route: the same of what was
+in range along the driven tracks. clear: least distance between a body and an object. collided, fence: runs with a
+contact, with a command over the fence.
+";
+
+/// Gives the table of some runs in grid order, grouped by axes.
+pub(super) fn text(experiment: &Experiment, rows: &[Row], by: &[Axis]) -> String {
+    let groups = grouped(experiment, rows, by);
+    let head: Vec<String> = by.iter().map(|axis| axis.word()).chain(HEAD).map(str::to_owned).collect();
+    let lines: Vec<Vec<String>> = groups.iter().map(|(names, rows)| line(names, rows)).collect();
+    let mut text = aligned(std::iter::once(&head).chain(&lines), by.len());
+    text += LEGEND;
+    for (names, rows) in &groups {
+        for (why, count) in reasons(rows) {
+            // Writing into a string cannot fail.
+            let _ = writeln!(text, "{}: {count} × {why}", names.join(" "));
+        }
+    }
+    let _ = writeln!(text, "{} of {} runs of {}", rows.len(), experiment.runs(), experiment.name);
+    text
+}
+
+/// Sorts runs into groups, in the order in which they come in the grid.
+fn grouped<'a>(experiment: &Experiment, rows: &'a [Row], by: &[Axis]) -> Vec<(Vec<String>, Vec<&'a Row>)> {
+    let mut groups: BTreeMap<Vec<usize>, (Vec<String>, Vec<&Row>)> = BTreeMap::new();
+    for row in rows {
+        let names: Vec<String> =
+            by.iter().map(|axis| experiment.name_of(row.run, *axis).to_owned()).collect();
+        let place =
+            |(axis, name): (&Axis, &String)| experiment.names(*axis).iter().position(|known| known == name);
+        let order = by.iter().zip(&names).map(|pair| place(pair).unwrap_or(usize::MAX)).collect();
+        groups.entry(order).or_insert_with(|| (names, Vec::new())).1.push(row);
+    }
+    groups.into_values().collect()
+}
+
+fn line(names: &[String], rows: &[&Row]) -> Vec<String> {
+    let count = |is: fn(&Row) -> bool| rows.iter().filter(|row| is(row)).count().to_string();
+    let figures: Vec<&Row> = rows.iter().copied().filter(|row| has_figures(row)).collect();
+    let all = |value: fn(&Row) -> Option<f64>| figures.iter().filter_map(move |row| value(row));
+    let mean = |value: fn(&Row) -> Option<f64>, digits: usize| shown(mean_of(all(value)), digits);
+    let least =
+        |value: fn(&Row) -> Option<f64>, digits: usize| shown(all(value).min_by(f64::total_cmp), digits);
+    let seen = |row: &Row| row.share().map(|share| 100.0 * share);
+    let route = |row: &Row| row.route_share().map(|share| 100.0 * share);
+    let rest = [
+        rows.len().to_string(),
+        count(|row| row.end == End::Finished),
+        ends(rows),
+        count(|row| row.collisions > 0),
+        mean(|row| Some(row.simulated_s), 0),
+        mean(|row| Some(row.mission_s), 0),
+        mean(|row| Some(row.occupied_cells as f64), 1),
+        mean(seen, 1),
+        least(seen, 1),
+        mean(route, 1),
+        least(route, 1),
+        mean(|row| Some(row.path_m), 1),
+        least(|row| row.clearance_m, 2),
+        count(|row| row.fence_breaches > 0),
+    ];
+    names.iter().cloned().chain(rest).collect()
+}
+
+/// Counts how missions ended, best first: "4 done + 1 no way".
+fn ends(rows: &[&Row]) -> String {
+    let count = |word: &&str| rows.iter().filter(|row| row.mission == **word).count();
+    let counted = ENDS.iter().map(|word| (count(&word), word)).filter(|(count, _)| *count > 0);
+    let words: Vec<String> = counted.map(|(count, word)| format!("{count} {word}")).collect();
+    if words.is_empty() { "-".to_owned() } else { words.join(" + ") }
+}
+
+fn has_figures(row: &Row) -> bool {
+    match row.end {
+        End::Finished | End::Failed => true,
+        End::Refused | End::Fault => false,
+    }
+}
+
+fn mean_of(values: impl Iterator<Item = f64>) -> Option<f64> {
+    let (sum, count) = values.fold((0.0, 0usize), |(sum, count), value| (sum + value, count + 1));
+    (count > 0).then(|| sum / count as f64)
+}
+
+fn shown(value: Option<f64>, digits: usize) -> String {
+    value.map_or("-".to_owned(), |value| format!("{value:.digits$}"))
+}
+
+/// Counts why runs did not finish, the most frequent reasons first.
+fn reasons<'a>(rows: &[&'a Row]) -> Vec<(&'a str, usize)> {
+    let mut counts: BTreeMap<&str, usize> = BTreeMap::new();
+    for row in rows.iter().filter(|row| !row.why.is_empty()) {
+        *counts.entry(&row.why).or_default() += 1;
+    }
+    let mut list: Vec<(&str, usize)> = counts.into_iter().collect();
+    list.sort_by(|one, other| other.1.cmp(&one.1).then(one.0.cmp(other.0)));
+    list.truncate(REASONS_SHOWN);
+    list
+}
+
+/// Puts cells below each other: the first `words` columns to the left, numbers to the right.
+fn aligned<'a>(lines: impl Iterator<Item = &'a Vec<String>>, words: usize) -> String {
+    let lines: Vec<&Vec<String>> = lines.collect();
+    let columns = lines.first().map_or(0, |line| line.len());
+    let longest = |column: usize| lines.iter().map(|line| line[column].chars().count()).max().unwrap_or(0);
+    let widths: Vec<usize> = (0..columns).map(longest).collect();
+    let cell = |(column, (text, width)): (usize, (&String, &usize))| {
+        if column < words { format!("{text:<width$}") } else { format!("{text:>width$}") }
+    };
+    let put = |line: &&Vec<String>| {
+        line.iter().zip(&widths).enumerate().map(cell).collect::<Vec<_>>().join("  ") + "\n"
+    };
+    lines.iter().map(put).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::config::read_experiment;
+
+    const GRID: &str = "kind = \"experiment\"\nname = \"trial\"\nsim = \"a.sim.toml\"\nseeds = 2\n\
+        [[mission]]\nname = \"zoo\"\nkind = \"search\"\n[[mission]]\nname = \"ant\"\nkind = \"square\"\n";
+
+    fn row(run: usize, simulated_s: f64, why: &str) -> Row {
+        let end = if why.is_empty() { End::Finished } else { End::Failed };
+        let mut row = Row::without_figures(run, end, why.to_owned());
+        (row.simulated_s, row.visible_cells, row.detected_cells) = (simulated_s, 10, 5 + run);
+        row
+    }
+
+    #[test]
+    fn groups_come_in_grid_order_with_their_means_and_reasons() {
+        let experiment = read_experiment("e.toml", GRID).unwrap();
+        let rows = [row(0, 10.0, ""), row(1, 30.0, "stuck"), row(2, 5.0, ""), row(3, 5.0, "")];
+        let text = text(&experiment, &rows, &[Axis::Mission]);
+        let lines: Vec<Vec<&str>> = text.lines().map(|line| line.split_whitespace().collect()).collect();
+        assert_eq!(lines[0][..4], ["mission", "runs", "finished", "ends"]);
+        assert_eq!(
+            lines[1],
+            ["zoo", "2", "1", "-", "0", "20", "0", "0.0", "55.0", "50.0", "-", "-", "0.0", "-", "0"]
+        );
+        assert_eq!(lines[2][..7], ["ant", "2", "2", "-", "0", "5", "0"]);
+        assert!(text.contains("zoo: 1 × stuck\n") && text.ends_with("4 of 4 runs of trial\n"), "{text}");
+    }
+
+    #[test]
+    fn runs_that_came_to_nothing_have_no_part_in_the_means() {
+        let experiment = read_experiment("e.toml", GRID).unwrap();
+        let rows = [row(0, 10.0, ""), Row::without_figures(1, End::Refused, "no room".to_owned())];
+        let text = text(&experiment, &rows, &[Axis::Mission, Axis::Seed]);
+        let whole = self::text(&experiment, &rows, &[Axis::Mission]);
+        assert!(whole.lines().nth(1).unwrap().contains(" 10 "), "{whole}");
+        assert_eq!(text.lines().take(3).count(), 3);
+        assert!(text.contains("zoo 2: 1 × no room"), "{text}");
+    }
+}

@@ -1,0 +1,118 @@
+//! Small experiments in the courtyard, from file to table.
+
+use std::path::Path;
+
+use super::*;
+
+/// A quick sweep, and rovers that drive straight ahead.
+const SIM: &str = "kind = \"sim\"\nvenue = \"yard.venue.toml\"\nscene = \"yard.scene.toml\"\nuntil_s = 120.0\n\
+    [vehicles]\ncount = 2\n[mission]\nkind = \"forward\"\ndistance_m = 2.0\n";
+const VENUE: &str = "kind = \"venue\"\nname = \"yard\"\narea_m = [0.0, 0.0, 6.0, 6.0]\n\
+    fence_m = [[-2.5, -2.5], [8.5, -2.5], [8.5, 8.5], [-2.5, 8.5]]\nhomes_m = [[-1.2, 3.0], [7.2, 3.0]]\n\
+    [datum]\nlatitude_deg = 52.0\nlongitude_deg = 4.0\n";
+const SCENE: &str = "kind = \"scene\"\nname = \"yard\"\n[[object]]\noutline_m = [[2.5, 1.5], [3.5, 1.5], [3.5, 4.5], [2.5, 4.5]]\n";
+
+fn folder(experiment: &str) -> tempfile::TempDir {
+    let folder = tempfile::tempdir().unwrap();
+    let put = |name: &str, text: &str| fs::write(folder.path().join(name), text).unwrap();
+    put("yard.sim.toml", SIM);
+    put("yard.venue.toml", VENUE);
+    put("yard.scene.toml", SCENE);
+    put("e.toml", &format!("kind = \"experiment\"\nname = \"e\"\nsim = \"yard.sim.toml\"\n{experiment}"));
+    folder
+}
+
+fn run(folder: &Path, out: &str, change: impl Fn(&mut ExperimentArgs)) -> (String, Result<(), CliError>) {
+    let mut args = ExperimentArgs {
+        config: folder.join("e.toml"),
+        out: Some(folder.join(out)),
+        threads: Some(1),
+        resume: false,
+        fresh: false,
+        by: vec![Axis::Mission],
+    };
+    change(&mut args);
+    let mut text = Vec::new();
+    let result = args.run(&mut text);
+    (String::from_utf8(text).unwrap(), result)
+}
+
+fn read(folder: &Path, name: &str) -> String {
+    fs::read_to_string(folder.join(name)).unwrap()
+}
+
+const GRID: &str = "seeds = 2\nsafety_distances_m = [0.3, 0.5]\n[[mission]]\nname = \"ahead\"\nkind = \"forward\"\n\
+    distance_m = 1.5\n[[mission]]\nname = \"against\"\nkind = \"forward\"\ndistance_m = 8.0\n";
+
+#[test]
+fn the_table_is_the_same_with_one_thread_with_three_and_after_a_stop() {
+    let folder = folder(GRID);
+    let (table, result) = run(folder.path(), "one", |_| {});
+    assert!(result.is_ok(), "{result:?}");
+    let (again, _) = run(folder.path(), "three", |args| args.threads = Some(3));
+    assert_eq!(table, again);
+    let csv = read(folder.path(), "one/runs.csv");
+    assert_eq!(csv, read(folder.path(), "three/runs.csv"));
+    assert_eq!(csv.lines().count(), 1 + 8);
+    // As if it had been killed in the middle of the fourth row.
+    let journal = read(folder.path(), "one/journal.jsonl");
+    let kept: usize = journal.lines().take(4).map(|line| line.len() + 1).sum();
+    fs::create_dir(folder.path().join("killed")).unwrap();
+    fs::write(folder.path().join("killed/journal.jsonl"), &journal[..kept + 20]).unwrap();
+    let (resumed, result) = run(folder.path(), "killed", |args| args.resume = true);
+    assert!(result.is_ok(), "{result:?}");
+    assert_eq!((resumed, read(folder.path(), "killed/runs.csv")), (table, csv));
+    assert_eq!(read(folder.path(), "killed/journal.jsonl"), journal);
+}
+
+#[test]
+fn figures_are_those_of_the_run() {
+    let folder = folder("[[mission]]\nname = \"ahead\"\nkind = \"forward\"\ndistance_m = 1.5\n");
+    let (table, result) = run(folder.path(), "out", |_| {});
+    assert!(result.is_ok(), "{result:?}\n{table}");
+    let csv = read(folder.path(), "out/runs.csv");
+    let (head, row) = (csv.lines().next().unwrap(), csv.lines().nth(1).unwrap());
+    let value = |name: &str| {
+        let index = head.split(',').position(|known| known == name).unwrap();
+        row.split(',').nth(index).unwrap().to_owned()
+    };
+    let number = |name: &str| value(name).parse::<f64>().unwrap();
+    assert_eq!(
+        (value("end").as_str(), value("mission_end").as_str(), value("collisions").as_str()),
+        ("finished", "done", "0")
+    );
+    // Two vehicles drive 1.5 m ahead and come back.
+    assert!((number("path_m") - 6.0).abs() < 1.0, "{csv}");
+    // From 3.7 m before the block to 2.2 m, less the radius; the place is believed within 0.15 m.
+    assert!((number("min_clearance_m") - 1.95).abs() < 0.2, "{csv}");
+    // The block is 1 m by 3 m on the lattice of 0.2 m, its border between two cells: 6 by 16 or 5 by 15 cells around.
+    assert!((32.0..=40.0).contains(&number("visible_cells")), "{csv}");
+    assert!(
+        number("route_cells") <= number("visible_cells")
+            && number("detected_cells") <= number("visible_cells")
+    );
+    assert!(table.contains("1 done") && table.ends_with("1 of 1 runs of e\n"), "{table}");
+}
+
+#[test]
+fn a_cell_that_cannot_be_run_is_named_before_anything_is() {
+    let folder = folder(
+        "safety_distances_m = [0.3, 6.0]\n[[mission]]\nkind = \"browse\"\n[[mission]]\nkind = \"search\"\n",
+    );
+    let (text, result) = run(folder.path(), "out", |_| {});
+    let error = result.unwrap_err();
+    assert_eq!((text.as_str(), error.exit_code()), ("", 2));
+    let said = error.to_string();
+    assert!(said.contains("in 2 of 4 cells: mission=browse scene=yard safety_m=6; mission=search"), "{said}");
+    assert!(!folder.path().join("out").exists());
+}
+
+#[test]
+fn a_changed_file_is_refused_until_one_begins_anew() {
+    let folder = folder("[[mission]]\nkind = \"browse\"\n");
+    assert!(run(folder.path(), "out", |_| {}).1.is_ok());
+    fs::write(folder.path().join("yard.scene.toml"), SCENE.replace("4.5", "4.4")).unwrap();
+    let error = run(folder.path(), "out", |_| {}).1.unwrap_err();
+    assert!(error.exit_code() == 2 && error.to_string().contains("--fresh"), "{error}");
+    assert!(run(folder.path(), "out", |args| args.fresh = true).1.is_ok());
+}

@@ -1,0 +1,363 @@
+//! An experiment: a grid of simulations (mission × scene × safety distance × cell × size × sensor × vehicles × seeds).
+//!
+//! Every value of an axis is laid over the simulation file (or its venue) *before* the ordinary reader checks it, so
+//! that each cell of the grid is a wholly checked [`Sim`]. Nothing is run here, and no text is kept: files are asked for
+//! whenever a cell is made.
+//!
+//! A **safety distance** is measured as the thesis's vehicle, a point with a sensor, measured it: from the middle of the
+//! vehicle to the nearest surface. So `padding_m` = safety distance − `radius_m`.
+
+mod reading;
+
+use super::overlay::{Joined, Layer, Overlay};
+use super::section::Section;
+use super::source::Source;
+use super::vehicle::Body;
+use super::venue::Venue;
+use super::{Loader, Problem, Problems, Sim, beside, read_kind, read_kind_over, vehicle};
+use crate::geom::{Point, Rect};
+
+/// The most runs of an experiment.
+pub const MOST_RUNS: usize = 100_000;
+
+/// What is varied.
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Debug)]
+pub enum Axis {
+    /// What the vehicles do.
+    Mission,
+    /// Where.
+    Scene,
+    /// How far the middle of a vehicle keeps from everything, metres.
+    Safety,
+    /// Side of a map cell, metres.
+    Cell,
+    /// Longer side of the area, metres.
+    Size,
+    /// The range sensor.
+    Sensor,
+    /// How many vehicles.
+    Vehicles,
+    /// The seed of everything random.
+    Seed,
+}
+
+impl Axis {
+    /// All axes, in grid order: the last one changes fastest.
+    pub const ALL: [Axis; 8] = [
+        Axis::Mission,
+        Axis::Scene,
+        Axis::Safety,
+        Axis::Cell,
+        Axis::Size,
+        Axis::Sensor,
+        Axis::Vehicles,
+        Axis::Seed,
+    ];
+
+    /// Gives its name in keys, tables and options.
+    pub fn word(self) -> &'static str {
+        match self {
+            Axis::Mission => "mission",
+            Axis::Scene => "scene",
+            Axis::Safety => "safety_m",
+            Axis::Cell => "cell_m",
+            Axis::Size => "size_m",
+            Axis::Sensor => "sensor",
+            Axis::Vehicles => "vehicles",
+            Axis::Seed => "seed",
+        }
+    }
+}
+
+/// What a value of an axis does to a simulation.
+#[derive(Clone, PartialEq, Debug)]
+enum Change {
+    /// Nothing: the axis is not given.
+    Nothing,
+    Mission(Layer),
+    Scene(Box<SceneChange>),
+    Safety(f64),
+    Cell(f64),
+    Size(f64),
+    Sensor(Layer),
+    Vehicles(usize),
+    Seed(u64),
+}
+
+/// A simulation file, and what is changed in it.
+#[derive(Clone, PartialEq, Debug)]
+struct SceneChange {
+    sim: String,
+    with: Layer,
+    /// What is changed in `[mission]` for a mission of this name.
+    missions: Vec<(String, Layer)>,
+}
+
+/// A value of an axis.
+#[derive(Clone, PartialEq, Debug)]
+struct Choice {
+    name: String,
+    line: usize,
+    change: Change,
+}
+
+/// A grid of simulations.
+#[derive(Clone, PartialEq, Debug)]
+pub struct Experiment {
+    /// A plain name, fit to be part of a file's name.
+    pub name: String,
+    file: String,
+    with: Layer,
+    /// One list for each of [`Axis::ALL`], none empty.
+    axes: Vec<Vec<Choice>>,
+}
+
+impl Experiment {
+    /// Gives the number of runs.
+    pub fn runs(&self) -> usize {
+        self.axes.iter().map(Vec::len).product()
+    }
+
+    /// Gives the number of different simulations: runs that differ in their seeds only count once.
+    pub fn cells(&self) -> usize {
+        self.runs() / self.seeds()
+    }
+
+    /// Gives the number of seeds.
+    pub fn seeds(&self) -> usize {
+        self.axes.last().map_or(1, Vec::len)
+    }
+
+    /// Tells whether an axis was given.
+    pub fn has(&self, axis: Axis) -> bool {
+        self.choices(axis).iter().any(|choice| choice.change != Change::Nothing)
+    }
+
+    /// Gives the names of an axis's values, in order; a single "-" when it was not given.
+    pub fn names(&self, axis: Axis) -> Vec<&str> {
+        self.choices(axis).iter().map(|choice| choice.name.as_str()).collect()
+    }
+
+    /// Gives the name of a run's value on an axis. Run `number` of cell `cell` is `cell × seeds + number`.
+    pub fn name_of(&self, run: usize, axis: Axis) -> &str {
+        self.choice(run, axis).map_or("-", |choice| choice.name.as_str())
+    }
+
+    /// Gives the seed of a run; `None` leaves it to the file.
+    pub fn seed_of(&self, run: usize) -> Option<u64> {
+        let Change::Seed(seed) = self.choice(run, Axis::Seed)?.change else { return None };
+        Some(seed)
+    }
+
+    /// Says which values a run has on the axes that were given: `mission=search scene=castle …`.
+    pub fn key(&self, run: usize, with_seed: bool) -> String {
+        let said = |axis: &&Axis| self.has(**axis) && (with_seed || **axis != Axis::Seed);
+        let words =
+            Axis::ALL.iter().filter(said).map(|axis| format!("{}={}", axis.word(), self.name_of(run, *axis)));
+        words.collect::<Vec<_>>().join(" ")
+    }
+
+    /// Makes the simulation of a cell.
+    ///
+    /// # Errors
+    /// Everything that is wrong with it, where it stands: in a file, or in the experiment.
+    pub fn sim(&self, cell: usize, loader: &mut Loader) -> Result<Sim, Problems> {
+        let run = cell * self.seeds();
+        let mut laid =
+            Laid { overlay: Overlay { file: self.file.clone(), ..Overlay::default() }, ..Laid::default() };
+        laid.overlay.sim.lay_all(&self.with);
+        for axis in
+            [Axis::Scene, Axis::Mission, Axis::Cell, Axis::Sensor, Axis::Vehicles, Axis::Safety, Axis::Size]
+        {
+            if let Some(choice) = self.choice(run, axis) {
+                self.lay(choice, run, &mut laid, loader)?;
+            }
+        }
+        let text = laid.text(loader).map_err(|reason| {
+            self.problem(
+                self.choice(run, Axis::Scene),
+                &format!("{} cannot be read: {reason}", laid.sim),
+                "a simulation file is needed",
+            )
+        })?;
+        read_kind_over(&laid.sim, &text, Some(&laid.overlay), "sim", |root| {
+            Sim::read(root, None, vehicle::SWARM, loader)
+        })
+    }
+
+    fn choices(&self, axis: Axis) -> &[Choice] {
+        let index = Axis::ALL.iter().position(|other| *other == axis);
+        index.and_then(|index| self.axes.get(index)).map_or(&[], Vec::as_slice)
+    }
+
+    /// Gives a run's value on an axis.
+    fn choice(&self, run: usize, axis: Axis) -> Option<&Choice> {
+        let faster = Axis::ALL.iter().filter(|other| **other > axis);
+        let step: usize = faster.map(|other| self.choices(*other).len()).product();
+        let choices = self.choices(axis);
+        choices.get(run / step.max(1) % choices.len().max(1))
+    }
+
+    /// Lays a value over the simulation or its venue.
+    fn lay(&self, choice: &Choice, run: usize, laid: &mut Laid, loader: &mut Loader) -> Result<(), Problems> {
+        let Choice { line, change, .. } = choice;
+        let Overlay { sim, venue, .. } = &mut laid.overlay;
+        match change {
+            Change::Nothing | Change::Seed(_) => {}
+            Change::Scene(scene) => {
+                laid.sim.clone_from(&scene.sim);
+                sim.lay_all(&scene.with);
+                let mission = self.name_of(run, Axis::Mission);
+                for (_, layer) in scene.missions.iter().filter(|(name, _)| name == mission) {
+                    laid.late.lay_all(layer);
+                }
+            }
+            Change::Mission(layer) => {
+                sim.clear("mission");
+                sim.lay_all(&layer.under(&["mission"]));
+                let late = std::mem::take(&mut laid.late);
+                sim.lay_all(&late.under(&["mission"]));
+            }
+            Change::Cell(cell_m) => venue.lay_at("cell_m", &exact(*cell_m), *line),
+            Change::Sensor(layer) => sim.lay_all(&layer.under(&["range"])),
+            Change::Vehicles(count) => sim.lay_at("vehicles.count", &count.to_string(), *line),
+            Change::Safety(distance_m) => {
+                let radius_m = laid.radius_m(loader);
+                if *distance_m < radius_m {
+                    let wrong = format!("is within the vehicle, whose radius is {radius_m} m");
+                    let allowed = "it is measured from the vehicle's middle: radius_m + padding_m";
+                    return Err(self.problem(Some(choice), &wrong, allowed));
+                }
+                laid.overlay.sim.lay_at("safety.padding_m", &exact(distance_m - radius_m), *line);
+            }
+            Change::Size(size_m) => {
+                // A venue that cannot be read is reported when the cell is.
+                let Some(place) = laid.venue(loader) else { return Ok(()) };
+                let Some(shrunk) = Shrunk::to(&place, *size_m) else {
+                    let wrong = format!("is more than the area of venue {}", place.name);
+                    return Err(self.problem(Some(choice), &wrong, "a size can only make the area smaller"));
+                };
+                shrunk.lay_over(&mut laid.overlay.venue, *line);
+            }
+        }
+        Ok(())
+    }
+
+    fn problem(&self, choice: Option<&Choice>, wrong: &str, allowed: &str) -> Problems {
+        let (line, value) = choice.map_or((1, String::new()), |choice| (choice.line, choice.name.clone()));
+        let key = choice.map_or("", |choice| choice.change.key()).to_owned();
+        let (file, wrong, allowed) = (self.file.clone(), wrong.to_owned(), allowed.to_owned());
+        Problems::new(&self.file, vec![Problem { file, line, key, value, wrong, allowed }])
+    }
+}
+
+impl Change {
+    /// Gives the key of the experiment's file in which it stands.
+    fn key(&self) -> &'static str {
+        match self {
+            Change::Nothing => "",
+            Change::Mission(_) => "mission",
+            Change::Scene(_) => "scene",
+            Change::Safety(_) => SAFETY,
+            Change::Cell(_) => CELLS,
+            Change::Size(_) => SIZES,
+            Change::Sensor(_) => "sensor",
+            Change::Vehicles(_) => "vehicles",
+            Change::Seed(_) => "seeds",
+        }
+    }
+}
+
+/// Gives a number as it may stand in a file, without the dust of subtractions.
+fn exact(number: f64) -> String {
+    format!("{:?}", (number * 1e9).round() / 1e9)
+}
+
+/// A simulation file with what is laid over it so far.
+#[derive(Default)]
+struct Laid {
+    sim: String,
+    overlay: Overlay,
+    /// What a scene says of the mission, which comes after the mission itself.
+    late: Layer,
+}
+
+impl Laid {
+    fn text(&self, loader: &mut Loader) -> Result<String, String> {
+        loader(&self.sim)
+    }
+
+    /// Looks up something in the simulation file as it is so far; what is wrong with it is said later.
+    fn look<T>(&self, loader: &mut Loader, read: impl FnOnce(&Section) -> T) -> Option<T> {
+        let joined = Joined::new(&self.text(loader).ok()?, &self.overlay.sim);
+        let source = Source::over(&self.sim, &joined, &self.overlay);
+        let tree = source.parse();
+        Some(read(&Section::root(&source, &tree)))
+    }
+
+    fn radius_m(&self, loader: &mut Loader) -> f64 {
+        let radius = self.look(loader, |root| Body::read_keys(&root.section("vehicles")).radius_m);
+        radius.unwrap_or(0.0)
+    }
+
+    fn venue(&self, loader: &mut Loader) -> Option<Venue> {
+        let named = |root: &Section| {
+            let named = root.text("venue")?;
+            Some(beside(&root.source.file_of("venue"), &named))
+        };
+        let path = self.look(loader, named)??;
+        let text = loader(&path).ok()?;
+        read_kind(&path, &text, "venue", |root| Some(Venue::read(root))).ok()
+    }
+}
+
+/// A venue made smaller: the area about its centre; what lies in it (homes, corners of the fence) keeps its share of
+/// the way to the border, and what lies beyond keeps its distance from it.
+struct Shrunk<'a> {
+    venue: &'a Venue,
+    area: Rect,
+}
+
+impl Shrunk<'_> {
+    /// Makes the longer side so long; `None` when it is shorter already.
+    fn to(venue: &Venue, size_m: f64) -> Option<Shrunk<'_>> {
+        let area = venue.area;
+        let share = size_m / area.width_m().max(area.height_m());
+        let (centre, corner) = (area.centre(), area.max);
+        let half = (corner - centre) * share;
+        (share <= 1.0).then(|| Shrunk { venue, area: Rect::new(centre + half * -1.0, centre + half) })
+    }
+
+    fn moved(&self, point: Point) -> Point {
+        let (old, new, centre) = (self.venue.area, self.area, self.area.centre());
+        let along = |at_m: f64, centre_m: f64, old_m: f64, new_m: f64| {
+            let (half_m, shorter_m, off_m) = (old_m / 2.0, new_m / 2.0, at_m - centre_m);
+            let beyond_m = (off_m.abs() - half_m).max(0.0);
+            centre_m + off_m.signum() * (off_m.abs().min(half_m) * shorter_m / half_m + beyond_m)
+        };
+        Point::new(
+            along(point.x_m, centre.x_m, old.width_m(), new.width_m()),
+            along(point.y_m, centre.y_m, old.height_m(), new.height_m()),
+        )
+    }
+
+    fn lay_over(&self, venue: &mut Layer, line: usize) {
+        let pair = |point: Point| format!("[{}, {}]", exact(point.x_m), exact(point.y_m));
+        let list = |points: &[Point]| {
+            let moved: Vec<String> = points.iter().map(|point| pair(self.moved(*point))).collect();
+            format!("[{}]", moved.join(", "))
+        };
+        let Rect { min, max } = self.area;
+        let numbers = [min.x_m, min.y_m, max.x_m, max.y_m].map(exact);
+        venue.lay_at("area_m", &format!("[{}]", numbers.join(", ")), line);
+        venue.lay_at("fence_m", &list(self.venue.fence.corners()), line);
+        venue.lay_at("homes_m", &list(&self.venue.homes), line);
+    }
+}
+
+const SAFETY: &str = "safety_distances_m";
+const CELLS: &str = "cells_m";
+const SIZES: &str = "sizes_m";
+
+#[cfg(test)]
+mod tests;

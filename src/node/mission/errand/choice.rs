@@ -1,0 +1,302 @@
+//! Where to go and look next, for search and exploration: the nearest place from which something unknown beside known
+//! free ground can be seen. (Frontier-based exploration, Yamauchi 1997; the frontiers near a peer are left to it.)
+//!
+//! Only ground known to be free is driven over; what stays unknown after some looks, each from nearer by, is left.
+
+use tomoswarm_proto::{TILE_SIDE, TileAddress};
+
+use super::{Aim, End, Errand, Scene};
+use crate::geom::{Angle, Cell, Lattice, Point, Segment};
+use crate::map::{CellRect, Occupancy, View};
+use crate::node::Task;
+use crate::node::mission::pilot::Pilot;
+use crate::plan::{Distances, Frontiers, Grid};
+
+/// Nothing is looked at from farther away than this share of the sensor's sure range.
+const LOOK_SHARE: f64 = 0.85;
+/// The vehicle goes this much nearer to what it looks at than it must keep from it, metres; when it cannot, it looks
+/// from as near as it can.
+const NEARER_M: f64 = 0.5;
+/// A frontier shorter than this is not worth a look, metres.
+const FRONTIER_M: f64 = 0.6;
+/// What is this near to an object is searched first, metres.
+const NEAR_OBJECT_M: f64 = 1.5;
+/// A peer that is nearer to something than this share of the own way there gets it.
+const PEER_SHARE: f64 = 0.9;
+/// What is this near to where a peer is going is left to it, metres.
+const PEER_M: f64 = 3.0;
+/// A peer that has not moved for so long is not going anywhere.
+const PEER_GOES: std::time::Duration = std::time::Duration::from_secs(30);
+/// Side of the squares by which frontiers are found, metres.
+const BUCKET_M: f64 = 1.0;
+
+/// A frontier cell that is worth a look.
+#[derive(Clone, Copy)]
+struct Wanted {
+    cell: Cell,
+    at: Point,
+}
+
+/// Frontiers by place.
+struct Buckets {
+    low: Point,
+    columns: usize,
+    rows: usize,
+    of: Vec<Vec<Wanted>>,
+}
+
+/// Where to look from, and at what.
+struct Sight {
+    from: Cell,
+    at: Cell,
+}
+
+impl Errand {
+    /// Chooses the next look, or ends.
+    pub(super) fn seek(&mut self, scene: &mut Scene<'_>) {
+        let claims = scene.claims();
+        let pose = scene.pose();
+        let Some(grid) = scene.pilot.ground(scene.now, pose, pose.at, false, &claims) else {
+            return self.finish(scene, End::GaveUp(0));
+        };
+        let start = self.settings.lattice.cell_at(pose.at);
+        self.keep_frontiers(scene.pilot, grid.area());
+        let wanted = self.wanted();
+        let Ok(reached) = Distances::from_start(&grid, start, &self.rules()) else {
+            return self.seek_later(scene, wanted.is_empty());
+        };
+        let near: Vec<(f64, Cell)> = by_cost(&grid, &reached);
+        let view = scene.pilot.map().view(self.settings.slice, grid.area());
+        let passes = self.passes(scene, &view, wanted);
+        let reaches = self.reaches_m(scene.pilot.keep_m(pose));
+        let sight = passes.iter().find_map(|buckets| {
+            reaches
+                .iter()
+                .find_map(|reach_m| self.first_sight(&view, &near, buckets, (pose.at, start), *reach_m))
+        });
+        match sight {
+            Some(sight) if sight.from == start => self.look_at(scene, sight.at),
+            Some(sight) => {
+                let to = self.settings.lattice.centre(sight.from);
+                match reached.route_to(&grid, pose.at, to) {
+                    Some(route) => {
+                        self.waits = 0;
+                        self.drive(scene, &route.points[1..], Aim::Sight(sight.at));
+                    }
+                    None => {
+                        self.looks.note(&[sight.at], to);
+                        self.think(scene.now);
+                    }
+                }
+            }
+            None => {
+                let is_done = !self.is_barred_by_peers(scene);
+                self.seek_later(scene, is_done);
+            }
+        }
+    }
+
+    /// Nothing can be looked at now: waits for peers to make room, or ends.
+    fn seek_later(&mut self, scene: &mut Scene<'_>, is_done: bool) {
+        if is_done {
+            return self.finish(scene, End::Done);
+        }
+        self.wait(scene);
+    }
+
+    /// Tells whether without peers there would be something to look at.
+    fn is_barred_by_peers(&self, scene: &Scene<'_>) -> bool {
+        if scene.peers.iter().next().is_none() {
+            return false;
+        }
+        let pose = scene.pose();
+        let Some(grid) = scene.pilot.ground(scene.now, pose, pose.at, false, &[]) else { return false };
+        let start = self.settings.lattice.cell_at(pose.at);
+        let Ok(reached) = Distances::from_start(&grid, start, &self.rules()) else { return false };
+        let view = scene.pilot.map().view(self.settings.slice, grid.area());
+        let buckets = Buckets::new(self.settings.lattice, grid.area(), &self.wanted());
+        let reach_m = LOOK_SHARE * self.settings.look.sure_range_m;
+        self.first_sight(&view, &by_cost(&grid, &reached), &buckets, (pose.at, start), reach_m).is_some()
+    }
+
+    /// Gives from how far away to look, the best first, metres.
+    fn reaches_m(&self, keep_m: f64) -> [f64; 3] {
+        let (near_m, far_m) = (keep_m + NEARER_M, LOOK_SHARE * self.settings.look.sure_range_m);
+        let near_m = near_m.min(far_m);
+        [near_m, 0.5 * (near_m + far_m), far_m]
+    }
+
+    /// Gives all frontier cells that are worth another look.
+    fn wanted(&self) -> Vec<Wanted> {
+        let lattice = self.settings.lattice;
+        let least = (FRONTIER_M / lattice.cell_m()).round().max(1.0) as usize;
+        let clusters = self.frontiers.iter().flat_map(Frontiers::clusters);
+        let cells = clusters.filter(|cluster| cluster.size() >= least).flat_map(|cluster| cluster.cells);
+        cells
+            .filter(|cell| !self.looks.is_spent(*cell))
+            .map(|cell| Wanted { cell, at: lattice.centre(cell) })
+            .collect()
+    }
+
+    /// Brings the frontiers up to date.
+    fn keep_frontiers(&mut self, pilot: &Pilot, area: CellRect) {
+        let (slice, lattice) = (self.settings.slice, self.settings.lattice);
+        let map = pilot.map();
+        if let Some(frontiers) = &mut self.frontiers {
+            for address in std::mem::take(&mut self.changed) {
+                frontiers.update(map, tile_rect(address));
+            }
+            return;
+        }
+        let inside = |at: Point| self.settings.fence.contains(at);
+        let Ok(mut frontiers) = Frontiers::new(lattice, slice, area, inside) else { return };
+        frontiers.update(map, area);
+        self.frontiers = Some(frontiers);
+    }
+
+    /// Tells whether a cell is still a frontier.
+    pub(super) fn is_frontier(&self, pilot: &Pilot, cell: Cell) -> bool {
+        let around = CellRect::new(Cell::new(cell.x - 1, cell.y - 1), Cell::new(cell.x + 1, cell.y + 1));
+        self.is_open_frontier(&pilot.map().view(self.settings.slice, around), cell)
+    }
+
+    fn is_open_frontier(&self, view: &View<'_>, cell: Cell) -> bool {
+        if view.occupancy(cell) != Occupancy::Free {
+            return false;
+        }
+        let beside = [(1, 0), (0, 1), (-1, 0), (0, -1)];
+        let mut beside = beside.iter().map(|(dx, dy)| Cell::new(cell.x + dx, cell.y + dy));
+        let is_inside = |cell: Cell| self.settings.fence.contains(self.settings.lattice.centre(cell));
+        beside.any(|beside| view.occupancy(beside) == Occupancy::Unknown && is_inside(beside))
+    }
+
+    /// Gives what is looked at first, then what is looked at when nothing of that can be.
+    fn passes(&self, scene: &Scene<'_>, view: &View<'_>, wanted: Vec<Wanted>) -> Vec<Buckets> {
+        let (lattice, area) = (self.settings.lattice, view_area(&wanted, self.settings.lattice));
+        let buckets = |list: &[Wanted]| Buckets::new(lattice, area, list);
+        let first: Vec<Wanted> = match self.settings.task {
+            Task::Search => {
+                wanted.iter().copied().filter(|one| self.is_near_object(view, one.cell)).collect()
+            }
+            _ => wanted.iter().copied().filter(|one| !self.is_a_peers(scene, one.at)).collect(),
+        };
+        vec![buckets(&first), buckets(&wanted)]
+    }
+
+    fn is_near_object(&self, view: &View<'_>, cell: Cell) -> bool {
+        let reach = (NEAR_OBJECT_M / self.settings.lattice.cell_m()).ceil() as i32;
+        let mut near = (-reach..=reach).flat_map(|dy| (-reach..=reach).map(move |dx| (dx, dy)));
+        near.any(|(dx, dy)| view.occupancy(Cell::new(cell.x + dx, cell.y + dy)) == Occupancy::Occupied)
+    }
+
+    /// Tells whether a peer is going to see a place anyway.
+    fn is_a_peers(&self, scene: &Scene<'_>, at: Point) -> bool {
+        let own_m = scene.pose().at.distance_to(at);
+        let goes = |moved_at| scene.now.since(moved_at) <= PEER_GOES;
+        let ends = scene.peers.iter().filter(|(_, peer)| goes(peer.moved_at) && !peer.is_silent(scene.now));
+        let mut ends = ends.filter_map(|(_, peer)| peer.claim.last());
+        ends.any(|end| end.distance_to(at) < (PEER_SHARE * own_m).min(PEER_M * 4.0))
+    }
+
+    /// Gives the first place, by the cost to get there, from which one of the wanted cells can be seen.
+    fn first_sight(
+        &self,
+        view: &View<'_>,
+        places: &[(f64, Cell)],
+        buckets: &Buckets,
+        (here, start): (Point, Cell),
+        reach_m: f64,
+    ) -> Option<Sight> {
+        let lattice = self.settings.lattice;
+        places.iter().find_map(|(_, cell)| {
+            let from = if *cell == start { here } else { lattice.centre(*cell) };
+            let seen = buckets.near(from, reach_m).find(|wanted| {
+                wanted.at.distance_to(from) <= reach_m
+                    && self.looks.is_new(wanted.cell, from)
+                    && sees(view, lattice, from, wanted.at)
+            });
+            seen.map(|wanted| Sight { from: *cell, at: wanted.cell })
+        })
+    }
+
+    /// Notes a look from a place along a heading at everything unknown that it covered, and at one cell surely.
+    pub(super) fn note_look(&mut self, pilot: &Pilot, from: Point, heading: Angle, at: Option<Cell>) {
+        let look = &self.settings.look;
+        let widest_rad = look.beams.iter().map(|beam| beam.radians().abs()).fold(0.0, f64::max);
+        let half_rad = widest_rad + 0.5 * look.half_angle.radians();
+        let reach_m = LOOK_SHARE * look.sure_range_m;
+        let lattice = self.settings.lattice;
+        let Some(area) = CellRect::around(lattice, &[from], reach_m) else { return };
+        if let Some(frontiers) = &self.frontiers {
+            self.keep_frontiers(pilot, frontiers.bounds());
+        }
+        let view = pilot.map().view(self.settings.slice, area);
+        let is_covered = |wanted: &Wanted| {
+            let off = from.angle_to(wanted.at) - heading;
+            wanted.at.distance_to(from) <= reach_m
+                && off.radians().abs() <= half_rad
+                && sees(&view, lattice, from, wanted.at)
+        };
+        let covered = self.wanted().into_iter().filter(is_covered).map(|one| one.cell);
+        let cells: Vec<Cell> = covered.chain(at).collect();
+        self.looks.note(&cells, from);
+    }
+}
+
+/// Gives what can be reached, the nearest first.
+fn by_cost(grid: &Grid, reached: &Distances) -> Vec<(f64, Cell)> {
+    let area = grid.area();
+    let cells =
+        (area.low.y..=area.high.y).flat_map(|y| (area.low.x..=area.high.x).map(move |x| Cell::new(x, y)));
+    let mut list: Vec<(f64, Cell)> =
+        cells.filter_map(|cell| reached.cost_m(cell).map(|cost_m| (cost_m, cell))).collect();
+    list.sort_by(|a, b| a.0.total_cmp(&b.0));
+    list
+}
+
+/// Tells whether only free ground lies between a place and a free cell.
+fn sees(view: &View<'_>, lattice: Lattice, from: Point, to: Point) -> bool {
+    lattice.cells_under(Segment::new(from, to)).all(|cell| view.occupancy(cell) == Occupancy::Free)
+}
+
+fn tile_rect(address: TileAddress) -> CellRect {
+    let side = TILE_SIDE as i32;
+    let low = Cell::new(address.x.saturating_mul(side), address.y.saturating_mul(side));
+    CellRect::new(low, Cell::new(low.x.saturating_add(side - 1), low.y.saturating_add(side - 1)))
+}
+
+fn view_area(wanted: &[Wanted], lattice: Lattice) -> CellRect {
+    let places: Vec<Point> = wanted.iter().map(|one| one.at).collect();
+    let nothing = CellRect::new(Cell::new(0, 0), Cell::new(0, 0));
+    CellRect::around(lattice, &places, 0.0).unwrap_or(nothing)
+}
+
+impl Buckets {
+    fn new(lattice: Lattice, area: CellRect, wanted: &[Wanted]) -> Buckets {
+        let (low, high) = (lattice.centre(area.low), lattice.centre(area.high));
+        let count = |from_m: f64, to_m: f64| ((to_m - from_m) / BUCKET_M).floor() as usize + 1;
+        let (columns, rows) = (count(low.x_m, high.x_m), count(low.y_m, high.y_m));
+        let mut buckets = Buckets { low, columns, rows, of: vec![Vec::new(); columns * rows] };
+        for one in wanted {
+            let (column, row) = buckets.place(one.at);
+            let (column, row) = (column.clamp(0, columns as i64 - 1), row.clamp(0, rows as i64 - 1));
+            buckets.of[row as usize * columns + column as usize].push(*one);
+        }
+        buckets
+    }
+
+    fn place(&self, at: Point) -> (i64, i64) {
+        let index = |from_m: f64, to_m: f64| ((to_m - from_m) / BUCKET_M).floor() as i64;
+        (index(self.low.x_m, at.x_m), index(self.low.y_m, at.y_m))
+    }
+
+    /// Gives what lies in the squares around a place.
+    fn near(&self, at: Point, reach_m: f64) -> impl Iterator<Item = &Wanted> {
+        let (column, row) = self.place(at);
+        let reach = (reach_m / BUCKET_M).ceil() as i64;
+        let columns = (column - reach).max(0)..=(column + reach).min(self.columns as i64 - 1);
+        let rows = (row - reach).max(0)..=(row + reach).min(self.rows as i64 - 1);
+        rows.flat_map(move |row| columns.clone().map(move |column| (row, column)))
+            .flat_map(|(row, column)| &self.of[row as usize * self.columns + column as usize])
+    }
+}

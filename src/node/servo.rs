@@ -1,0 +1,232 @@
+//! What a servo can do: pulse widths and angles, what it reaches, and how long it turns. Pure formulas; which pin or
+//! autopilot output moves it is the driver's.
+//!
+//! Angles of a servo count counter-clockwise in degrees with 90 = ahead, as its scale is marked; they do not wrap.
+
+use thiserror::Error;
+
+use crate::geom::{Angle, Bearing};
+
+/// The angle at which a servo looks ahead, degrees.
+const AHEAD_DEG: f64 = 90.0;
+/// The longest pulse, microseconds: a whole period at 50 Hz.
+const LONGEST_PULSE_US: f64 = 20_000.0;
+
+/// Why a servo cannot be, or cannot do that.
+#[derive(Clone, Copy, PartialEq, Debug, Error)]
+pub enum ServoError {
+    /// The angles are no range.
+    #[error(
+        "a servo turns from one angle to a greater one, at most 360 degrees further, not from {low_deg} to {high_deg}"
+    )]
+    Angles {
+        /// First angle, degrees.
+        low_deg: f64,
+        /// Last angle, degrees.
+        high_deg: f64,
+    },
+    /// The pulse widths are no range.
+    #[error(
+        "pulse widths are two different ones from 0 to {LONGEST_PULSE_US} us, not {first_us} and {last_us}"
+    )]
+    Pulses {
+        /// At the first angle, microseconds.
+        first_us: f64,
+        /// At the last angle, microseconds.
+        last_us: f64,
+    },
+    /// The angle is out of reach.
+    #[error("{angle_deg} degrees are out of reach, the servo turns from {low_deg} to {high_deg}")]
+    Angle {
+        /// What was asked for, degrees.
+        angle_deg: f64,
+        /// First angle, degrees.
+        low_deg: f64,
+        /// Last angle, degrees.
+        high_deg: f64,
+    },
+    /// No angle has this pulse width.
+    #[error("a pulse of {pulse_us} us is out of range, the servo takes {first_us} to {last_us}")]
+    Pulse {
+        /// What was given, microseconds.
+        pulse_us: f64,
+        /// At the first angle, microseconds.
+        first_us: f64,
+        /// At the last angle, microseconds.
+        last_us: f64,
+    },
+}
+
+/// The reach of a servo, and the pulse widths at its two ends.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub struct ServoRange {
+    angle_deg: [f64; 2],
+    pulse_us: [f64; 2],
+}
+
+impl ServoRange {
+    /// Makes the range of a servo from its two ends; pulse widths may fall while angles rise.
+    ///
+    /// # Errors
+    /// [`ServoError::Angles`] or [`ServoError::Pulses`] when there is no such servo.
+    pub fn new(angle_deg: [f64; 2], pulse_us: [f64; 2]) -> Result<ServoRange, ServoError> {
+        let ([low_deg, high_deg], [first_us, last_us]) = (angle_deg, pulse_us);
+        let span_deg = high_deg - low_deg;
+        if !(low_deg.abs() <= 720.0 && span_deg > 0.0 && span_deg <= 360.0) {
+            return Err(ServoError::Angles { low_deg, high_deg });
+        }
+        let is_pulse = |us: f64| (0.0..=LONGEST_PULSE_US).contains(&us);
+        if !(is_pulse(first_us) && is_pulse(last_us) && first_us != last_us) {
+            return Err(ServoError::Pulses { first_us, last_us });
+        }
+        Ok(ServoRange { angle_deg, pulse_us })
+    }
+
+    /// Gives the first and the last angle, degrees.
+    pub fn limits_deg(&self) -> [f64; 2] {
+        self.angle_deg
+    }
+
+    /// Gives the angle at which it stands until it is told otherwise: the first one, degrees.
+    pub fn rest_deg(&self) -> f64 {
+        self.angle_deg[0]
+    }
+
+    /// Gives the pulse width for an angle, microseconds.
+    ///
+    /// # Errors
+    /// [`ServoError::Angle`] when the angle is out of reach.
+    pub fn pulse_us(&self, angle_deg: f64) -> Result<f64, ServoError> {
+        let [low_deg, high_deg] = self.angle_deg;
+        if !(low_deg..=high_deg).contains(&angle_deg) {
+            return Err(ServoError::Angle { angle_deg, low_deg, high_deg });
+        }
+        Ok(between((angle_deg - low_deg) / (high_deg - low_deg), self.pulse_us))
+    }
+
+    /// Gives the angle that a pulse width stands for, degrees.
+    ///
+    /// # Errors
+    /// [`ServoError::Pulse`] when the pulse width is out of range.
+    pub fn angle_deg(&self, pulse_us: f64) -> Result<f64, ServoError> {
+        let [first_us, last_us] = self.pulse_us;
+        let share = (pulse_us - first_us) / (last_us - first_us);
+        if !(0.0..=1.0).contains(&share) {
+            return Err(ServoError::Pulse { pulse_us, first_us, last_us });
+        }
+        Ok(between(share, self.angle_deg))
+    }
+
+    /// Gives the angle in reach that is nearest to the wanted one, degrees; what is no number gives the first one.
+    pub fn clamped_deg(&self, angle_deg: f64) -> f64 {
+        let [low_deg, high_deg] = self.angle_deg;
+        if angle_deg.is_nan() { low_deg } else { angle_deg.clamp(low_deg, high_deg) }
+    }
+
+    /// Tells whether an angle belongs to this servo: the first is its own, the last is that of the next one.
+    pub fn owns(&self, angle_deg: f64) -> bool {
+        (self.angle_deg[0]..self.angle_deg[1]).contains(&angle_deg)
+    }
+
+    /// Gives the angle in reach at which the servo looks in a direction relative to the vehicle's heading
+    /// (counter-clockwise from ahead), degrees; `None` when it cannot look there.
+    pub fn toward_deg(&self, relative: Angle) -> Option<f64> {
+        let [low_deg, high_deg] = self.angle_deg;
+        let wanted_deg = AHEAD_DEG + relative.degrees();
+        let turns = libm::ceil((low_deg - wanted_deg) / 360.0 - 1e-12);
+        // Rounding must not lose an end.
+        let angle_deg = (wanted_deg + 360.0 * turns).max(low_deg);
+        (angle_deg <= high_deg + 1e-9).then_some(angle_deg.min(high_deg))
+    }
+
+    /// Gives the angle in reach at which the servo of a vehicle looks along a bearing, degrees.
+    pub fn toward_bearing_deg(&self, heading: Bearing, wanted: Bearing) -> Option<f64> {
+        self.toward_deg(wanted.angle() - heading.angle())
+    }
+
+    /// Gives the direction of an angle relative to the vehicle's heading, counter-clockwise from ahead.
+    pub fn relative(&self, angle_deg: f64) -> Angle {
+        Angle::from_degrees(angle_deg - AHEAD_DEG)
+    }
+
+    /// Gives how long the servo turns from one angle to another, seconds, at a rate in degrees per second (above 0).
+    pub fn slew_s(&self, from_deg: f64, to_deg: f64, rate_dps: f64) -> f64 {
+        (self.clamped_deg(to_deg) - self.clamped_deg(from_deg)).abs() / rate_dps
+    }
+}
+
+fn between(share: f64, [from, to]: [f64; 2]) -> f64 {
+    from + share * (to - from)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn servo(low_deg: f64, high_deg: f64) -> ServoRange {
+        ServoRange::new([low_deg, high_deg], [1000.0, 2000.0]).unwrap()
+    }
+
+    #[test]
+    fn a_servo_mounted_upside_down_counts_backward() {
+        let servo = ServoRange::new([0.0, 180.0], [2000.0, 1000.0]).unwrap();
+        assert_eq!(servo.pulse_us(45.0), Ok(1750.0));
+        assert_eq!(servo.angle_deg(1250.0), Ok(135.0));
+    }
+
+    #[test]
+    fn what_is_out_of_reach_is_refused_or_clamped() {
+        let servo = servo(45.0, 135.0);
+        assert!(matches!(servo.pulse_us(135.1), Err(ServoError::Angle { .. })));
+        assert!(matches!(servo.pulse_us(f64::NAN), Err(ServoError::Angle { .. })));
+        assert!(matches!(servo.angle_deg(999.0), Err(ServoError::Pulse { .. })));
+        assert_eq!(
+            [servo.clamped_deg(10.0), servo.clamped_deg(200.0), servo.clamped_deg(f64::NAN)],
+            [45.0, 135.0, 45.0]
+        );
+        assert_eq!((servo.owns(45.0), servo.owns(135.0)), (true, false));
+    }
+
+    #[test]
+    fn a_direction_is_looked_at_if_it_is_in_reach() {
+        let front = servo(0.0, 180.0);
+        assert_eq!(front.toward_deg(Angle::from_degrees(0.0)), Some(90.0));
+        assert_eq!(front.toward_deg(Angle::from_degrees(90.0)), Some(180.0));
+        assert_eq!(front.toward_deg(Angle::from_degrees(-90.0)), Some(0.0));
+        assert_eq!(front.toward_deg(Angle::from_degrees(91.0)), None);
+        let (heading, wanted) = (Bearing::from_degrees(350.0), Bearing::from_degrees(20.0));
+        assert!((front.toward_bearing_deg(heading, wanted).unwrap() - 60.0).abs() < 1e-9);
+        let rear = servo(200.0, 340.0);
+        assert!((rear.toward_deg(Angle::from_degrees(180.0)).unwrap() - 270.0).abs() < 1e-9);
+    }
+
+    #[test]
+    fn turning_takes_its_time() {
+        assert_eq!(servo(0.0, 180.0).slew_s(30.0, 120.0, 60.0), 1.5);
+        assert_eq!(servo(0.0, 180.0).slew_s(170.0, 300.0, 10.0), 1.0);
+    }
+
+    #[test]
+    fn impossible_servos_are_refused() {
+        for angles in [[90.0, 90.0], [90.0, 0.0], [0.0, 361.0], [f64::NAN, 1.0], [0.0, f64::INFINITY]] {
+            assert!(matches!(ServoRange::new(angles, [1000.0, 2000.0]), Err(ServoError::Angles { .. })));
+        }
+        for pulses in [[1000.0, 1000.0], [-1.0, 2000.0], [0.0, 1e9], [f64::NAN, 1.0]] {
+            assert!(matches!(ServoRange::new([0.0, 180.0], pulses), Err(ServoError::Pulses { .. })));
+        }
+    }
+
+    proptest! {
+        #[test]
+        fn pulse_and_angle_are_each_other_s_inverse(low in -90.0..90.0f64, span in 1.0..360.0f64, share in 0.0..1.0f64) {
+            let servo = servo(low, low + span);
+            let angle_deg = low + share * span;
+            let back = servo.angle_deg(servo.pulse_us(angle_deg).unwrap()).unwrap();
+            prop_assert!((back - angle_deg).abs() < 1e-9);
+            let seen = servo.toward_deg(servo.relative(angle_deg)).unwrap();
+            let turns = (seen - angle_deg) / 360.0;
+            prop_assert!((turns - turns.round()).abs() < 1e-9, "{seen} is not {angle_deg}");
+        }
+    }
+}

@@ -1,0 +1,126 @@
+//! One search, many goals: the least cost from one cell to every other, and the way there.
+//!
+//! Who chooses among goals (frontiers, vantage points, ways home) asks here once instead of searching for each.
+//! It is a picture of the grid it was made of: what changes later is not seen.
+
+use super::Grid;
+use super::astar::{Flood, NoRoute, Rules, STRAIGHT, UNSEEN, flood, walk_back};
+use super::smooth::{Route, route_along};
+use crate::geom::{Cell, Lattice, Point};
+use crate::map::CellRect;
+
+/// Least costs from one start to all cells of a grid.
+#[derive(Clone, Debug)]
+pub struct Distances {
+    lattice: Lattice,
+    area: CellRect,
+    flood: Flood,
+}
+
+impl Distances {
+    /// Searches everything that can be reached from a start.
+    ///
+    /// # Errors
+    /// [`NoRoute::StartOutside`] and [`NoRoute::StartBarred`].
+    pub fn from_start(grid: &Grid, start: Cell, rules: &Rules) -> Result<Distances, NoRoute> {
+        let flood = flood(grid, start, rules)?;
+        Ok(Distances { lattice: grid.lattice(), area: grid.area(), flood })
+    }
+
+    /// Gives the least cost of a way to a cell, metres (length, and more where [`Rules`] make a step dearer);
+    /// `None` where no way leads: that is a proof. Ways here are those that [`super::shortest_cells`] finds.
+    pub fn cost_m(&self, cell: Cell) -> Option<f64> {
+        let cost = self.flood.costs[self.index(cell)?];
+        (cost != UNSEEN).then(|| cost as f64 / STRAIGHT as f64 * self.lattice.cell_m())
+    }
+
+    /// Gives a way of that cost, from the start to the cell, both included.
+    pub fn cells_to(&self, goal: Cell) -> Option<Vec<Cell>> {
+        let index = self.index(goal)?;
+        (self.flood.costs[index] != UNSEEN).then(|| walk_back(self.area, &self.flood.came_by, index).0)
+    }
+
+    /// Gives the straightened route to a point; `start` must lie in the start's cell and `grid` be the one that was
+    /// searched. `None` where no way leads, or the goal's own place in its cell is too near to something.
+    pub fn route_to(&self, grid: &Grid, start: Point, goal: Point) -> Option<Route> {
+        if !start.is_finite() || !goal.is_finite() {
+            return None;
+        }
+        let cells = self.cells_to(self.lattice.cell_at(goal))?;
+        route_along(grid, start, &cells, goal).ok()
+    }
+
+    /// Gives how many cells can be reached, the start included.
+    pub fn reached(&self) -> usize {
+        self.flood.reached
+    }
+
+    fn index(&self, cell: Cell) -> Option<usize> {
+        let width = self.area.width_cells() as usize;
+        let (x, y) = (cell.x.abs_diff(self.area.low.x) as usize, cell.y.abs_diff(self.area.low.y) as usize);
+        self.area.contains(cell).then(|| y * width + x)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::plan::shortest_cells;
+    use proptest::prelude::*;
+
+    const SIDE: i32 = 20;
+
+    fn grid(stones: &[(i32, i32)], clearance_m: f64) -> Grid {
+        let area = CellRect::new(Cell::new(-3, -5), Cell::new(SIDE - 4, SIDE - 6));
+        Grid::of_cells(Lattice::new(0.2), area, clearance_m, |cell| stones.contains(&(cell.x, cell.y)))
+            .unwrap()
+    }
+
+    proptest! {
+        #[test]
+        fn every_cost_is_that_of_a_single_search(
+            stones in proptest::collection::vec((-3..SIDE - 3, -5..SIDE - 5), 0..120),
+            diagonal in any::<bool>(), escape_m in 0.0..0.6f64, clearance_m in 0.0..0.5f64,
+            from in (-3..SIDE - 3, -5..SIDE - 5),
+        ) {
+            let grid = grid(&stones, clearance_m);
+            let rules = Rules { diagonal, escape_m, ..Rules::default() };
+            let start = Cell::new(from.0, from.1);
+            let Ok(distances) = Distances::from_start(&grid, start, &rules) else {
+                prop_assert_eq!(shortest_cells(&grid, start, start, &rules).is_err(), true);
+                return Ok(());
+            };
+            for (x, y) in (-3..SIDE - 3).flat_map(|x| (-5..SIDE - 5).map(move |y| (x, y))) {
+                let goal = Cell::new(x, y);
+                match shortest_cells(&grid, start, goal, &rules) {
+                    Ok(found) => {
+                        let cells = distances.cells_to(goal).unwrap();
+                        prop_assert_eq!((cells[0], cells[cells.len() - 1]), (start, goal));
+                        let cost_m = distances.cost_m(goal).unwrap();
+                        if grid.passable(start) {
+                            prop_assert!((cost_m - found.length_cells * 0.2).abs() < 1e-7);
+                        }
+                    }
+                    Err(NoRoute::Unreachable { .. }) => prop_assert_eq!(distances.cost_m(goal), None),
+                    Err(_) => prop_assert!(grid.passable(start) <= distances.cost_m(goal).is_none()),
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn one_search_gives_routes_to_many_places() {
+        let wall: Vec<(i32, i32)> = (-5..10).map(|y| (5, y)).collect();
+        let grid = grid(&wall, 0.3);
+        let lattice = grid.lattice();
+        let start = lattice.centre(Cell::new(0, 0));
+        let distances = Distances::from_start(&grid, Cell::new(0, 0), &Rules::default()).unwrap();
+        let near = distances.route_to(&grid, start, lattice.centre(Cell::new(-2, 5))).unwrap();
+        assert_eq!(near.points.len(), 2);
+        let round = distances.route_to(&grid, start, lattice.centre(Cell::new(10, 0))).unwrap();
+        assert!(round.points.len() > 2 && round.length_m < round.cells_length_m);
+        assert!(distances.route_to(&grid, start, lattice.centre(Cell::new(5, 0))).is_none());
+        assert!(distances.route_to(&grid, start, Point::new(1e9, f64::NAN)).is_none());
+        assert_eq!(distances.cost_m(Cell::new(i32::MAX, i32::MIN)), None);
+    }
+}

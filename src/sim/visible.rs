@@ -1,0 +1,442 @@
+//! What of a scene can be seen at all, found by brute force: the judge of what a mission has found.
+//!
+//! It knows no map, no planner and no mission, and shares no code with the simulated sensor. In the plane at the
+//! sensor's height:
+//!
+//! - **surface**: the cells of the map's lattice in which a piece of an outline lies (the cell just inside the solid;
+//!   pieces between two solids that touch or overlap do not count);
+//! - **reachable**: places, [`PITCH_M`] apart, that a flood from the homes reaches through places where the vehicle's
+//!   middle keeps its distance from the true scene and from the fence;
+//! - **visible**: surface cells with a point that some reachable place has in range, within the incidence limit,
+//!   unobstructed, and that a cone of the sensor's width hears as its nearest echo when it looks well (the point may lie
+//!   anywhere in the cone, and the vehicle may look anywhere).
+//!
+//! A cell was **detected** when the map holds an occupied cell there or in one of the eight around it: a hit is noisy and
+//! is spread over the cone's arc.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use crate::geom::{Cell, Lattice, Point, Polygon, Rect, Segment, Vector};
+use crate::map::{CellRect, Merged, Occupancy, View};
+use crate::scene::{Outline, Scene};
+
+/// Distance between two places that are tried, metres.
+pub const PITCH_M: f64 = 0.1;
+/// Points that are tried along the surface in a cell's length.
+const POINTS_A_CELL: f64 = 4.0;
+/// How far from the surface its two sides are tried, metres.
+const SKIN_M: f64 = 1e-3;
+/// An echo that is nearer by less is not heard apart from another, metres.
+const AT_ONCE_M: f64 = 0.01;
+/// Rays of a cone; they are asked twice as far on both sides of a point, so that it may lie anywhere in the cone.
+const CONE_RAYS: usize = 7;
+/// Side of the squares into which places are sorted, metres.
+const BUCKET_M: f64 = 1.0;
+/// Places beyond so many steps from the datum are not tried, whatever the fence.
+const MOST_STEPS: f64 = 1e5;
+
+/// How a range sensor sees.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub struct Sight {
+    /// Height above z = 0, metres.
+    pub height_m: f64,
+    /// Half of the cone's opening, radians.
+    pub half_angle_rad: f64,
+    /// Nearest echo, metres.
+    pub min_m: f64,
+    /// Farthest echo, metres.
+    pub max_m: f64,
+    /// Largest angle between ray and surface normal that returns an echo, radians.
+    pub incidence_max_rad: f64,
+}
+
+/// The room that a vehicle needs.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub struct Room {
+    /// Distance from its middle to the nearest surface, and to the fence, metres.
+    pub keep_m: f64,
+    /// Only what stands above this height counts, metres.
+    pub low_m: f64,
+    /// Only what stands below this height counts, metres.
+    pub high_m: f64,
+}
+
+/// A point of the surface, and to which side it faces.
+#[derive(Clone, Copy, Debug)]
+struct Point2 {
+    at: Point,
+    outward: Vector,
+}
+
+/// The surface of a scene at a height, by cells.
+#[derive(Clone, Debug)]
+pub struct Surface {
+    cells: BTreeMap<Cell, Vec<Point2>>,
+}
+
+impl Surface {
+    /// Finds the surface of all that stands at a height.
+    pub fn of(scene: &Scene, height_m: f64, lattice: Lattice) -> Surface {
+        let outlines = scene.outlines(height_m);
+        let solids: Vec<(Rect, &Outline)> = outlines
+            .iter()
+            .filter_map(|outline| Some((bounds(outline.polygon.corners())?, outline)))
+            .collect();
+        let is_solid = |point: Point| {
+            solids.iter().any(|(bounds, outline)| bounds.contains(point) && outline.contains(point))
+        };
+        let mut surface = Surface { cells: BTreeMap::new() };
+        for outline in &outlines {
+            let is_sheet = outline.polygon.corners().len() < 3;
+            for edge in outline.polygon.edges().chain(outline.holes.iter().flat_map(Polygon::edges)) {
+                surface.add(edge, is_sheet, lattice, &is_solid);
+            }
+        }
+        surface
+    }
+
+    /// Adds the points of an edge; the solid lies to its left. (A sheet has two edges, there and back.)
+    fn add(&mut self, edge: Segment, is_sheet: bool, lattice: Lattice, is_solid: &dyn Fn(Point) -> bool) {
+        let length_m = edge.length_m();
+        if length_m <= 0.0 {
+            return;
+        }
+        let count = libm::ceil(length_m / lattice.cell_m() * POINTS_A_CELL) as usize;
+        let inward = edge.vector().left() * (1.0 / length_m);
+        for index in 0..count {
+            let at = edge.from.toward(edge.to, (index as f64 + 0.5) / count as f64);
+            if is_solid(at + inward * -SKIN_M) {
+                continue;
+            }
+            let inside = if is_sheet { at } else { at + inward * SKIN_M };
+            let point = Point2 { at, outward: inward * -1.0 };
+            self.cells.entry(lattice.cell_at(inside)).or_default().push(point);
+        }
+    }
+
+    /// Gives the cells, ascending.
+    pub fn cells(&self) -> impl Iterator<Item = Cell> + '_ {
+        self.cells.keys().copied()
+    }
+
+    /// Gives the number of cells.
+    pub fn len(&self) -> usize {
+        self.cells.len()
+    }
+
+    /// Tells whether nothing stands there.
+    pub fn is_empty(&self) -> bool {
+        self.cells.is_empty()
+    }
+
+    /// Gives those of some cells that can be seen from places.
+    pub fn seen_from(
+        &self,
+        scene: &Scene,
+        sight: &Sight,
+        places: &Places,
+        among: &BTreeSet<Cell>,
+    ) -> BTreeSet<Cell> {
+        let eye = Eye::new(scene, *sight);
+        let is_seen = |cell: &&Cell| {
+            let points = self.cells.get(*cell);
+            points.is_some_and(|points| points.iter().any(|point| eye.sees_from_any(point, places)))
+        };
+        among.iter().filter(is_seen).copied().collect()
+    }
+}
+
+fn bounds(corners: &[Point]) -> Option<Rect> {
+    let first = *corners.first()?;
+    Some(corners.iter().fold(Rect::new(first, first), |rect, corner| Rect {
+        min: Point::new(rect.min.x_m.min(corner.x_m), rect.min.y_m.min(corner.y_m)),
+        max: Point::new(rect.max.x_m.max(corner.x_m), rect.max.y_m.max(corner.y_m)),
+    }))
+}
+
+/// Places on a lattice of [`PITCH_M`], sorted into squares.
+#[derive(Clone, Debug, Default)]
+pub struct Places {
+    buckets: BTreeMap<Cell, Vec<Point>>,
+    count: usize,
+}
+
+impl Places {
+    /// Takes the places of the lattice that are nearest to points of tracks; steps of at most [`PITCH_M`] leave no gap.
+    pub fn along<'a>(tracks: impl Iterator<Item = &'a [Point]>) -> Places {
+        let mut steps = BTreeSet::new();
+        for track in tracks {
+            steps.extend(track.first().and_then(|at| step_at(*at)));
+            for pair in track.windows(2) {
+                let pieces = libm::ceil(pair[0].distance_to(pair[1]) / PITCH_M).clamp(1.0, MOST_STEPS);
+                let between =
+                    (1..=pieces as usize).map(|piece| pair[0].toward(pair[1], piece as f64 / pieces));
+                steps.extend(between.filter_map(step_at));
+            }
+        }
+        Places::at(steps.iter().map(|step| place_of(*step)))
+    }
+
+    /// Finds every place that a vehicle can get to from its home without coming too near to anything. The home
+    /// itself always counts.
+    pub fn reachable(scene: &Scene, fence: &Polygon, homes: &[Point], room: &Room) -> Places {
+        let mut flood = Flood { scene, fence, room: *room, known: BTreeMap::new() };
+        let mut open: Vec<Cell> = Vec::new();
+        let mut reached = BTreeSet::new();
+        for step in homes.iter().filter_map(|home| step_at(*home)) {
+            let around = (-1..=1).flat_map(|y| (-1..=1).map(move |x| Cell::new(step.x + x, step.y + y)));
+            open.extend(around.filter(|step| flood.is_free(*step) && reached.insert(*step)));
+        }
+        while let Some(step) = open.pop() {
+            for (x, y) in [(1, 0), (-1, 0), (0, 1), (0, -1)] {
+                let next = Cell::new(step.x + x, step.y + y);
+                if flood.is_free(next) && reached.insert(next) {
+                    open.push(next);
+                }
+            }
+        }
+        Places::at(reached.into_iter().map(place_of).chain(homes.iter().copied()))
+    }
+
+    fn at(places: impl Iterator<Item = Point>) -> Places {
+        let squares = Lattice::new(BUCKET_M);
+        let mut sorted = Places::default();
+        for place in places {
+            sorted.buckets.entry(squares.cell_at(place)).or_default().push(place);
+            sorted.count += 1;
+        }
+        sorted
+    }
+
+    /// Gives the number of places.
+    pub fn len(&self) -> usize {
+        self.count
+    }
+
+    /// Tells whether there are none.
+    pub fn is_empty(&self) -> bool {
+        self.count == 0
+    }
+
+    /// Gives all places in the squares that touch a circle's bounding square.
+    fn near(&self, centre: Point, radius_m: f64) -> impl Iterator<Item = Point> + '_ {
+        let squares = Lattice::new(BUCKET_M);
+        let reach = Vector::new(radius_m, radius_m);
+        let (low, high) = (squares.cell_at(centre + reach * -1.0), squares.cell_at(centre + reach));
+        let columns = (low.x..=high.x)
+            .flat_map(move |x| self.buckets.range(Cell::new(x, low.y)..=Cell::new(x, high.y)));
+        columns.flat_map(|(_, places)| places.iter().copied())
+    }
+}
+
+/// Gives the place of a step.
+fn place_of(step: Cell) -> Point {
+    Point::new(f64::from(step.x) * PITCH_M, f64::from(step.y) * PITCH_M)
+}
+
+/// Gives the step nearest to a point, unless it lies absurdly far out.
+fn step_at(point: Point) -> Option<Cell> {
+    let index = |metres: f64| libm::round(metres / PITCH_M);
+    let (x, y) = (index(point.x_m), index(point.y_m));
+    (x.abs() <= MOST_STEPS && y.abs() <= MOST_STEPS).then(|| Cell::new(x as i32, y as i32))
+}
+
+/// Which places are free, as far as asked. One answer serves for many neighbours: no step comes nearer by more than its
+/// own length.
+struct Flood<'a> {
+    scene: &'a Scene,
+    fence: &'a Polygon,
+    room: Room,
+    known: BTreeMap<Cell, bool>,
+}
+
+impl Flood<'_> {
+    fn is_free(&mut self, step: Cell) -> bool {
+        if let Some(free) = self.known.get(&step) {
+            return *free;
+        }
+        let slack_m = self.slack_m(place_of(step));
+        let free = slack_m > 0.0;
+        // Within so many steps, diagonal ones too, the answer is the same.
+        let reach = (slack_m.abs() / PITCH_M * std::f64::consts::FRAC_1_SQRT_2).min(20.0) as i32;
+        for y in -reach..=reach {
+            for x in -reach..=reach {
+                self.known.insert(Cell::new(step.x + x, step.y + y), free);
+            }
+        }
+        self.known.insert(step, free);
+        free
+    }
+
+    /// Gives by how much a place keeps more than its distance; negative where it does not.
+    fn slack_m(&self, at: Point) -> f64 {
+        let Room { keep_m, low_m, high_m } = self.room;
+        let to_edge_m = self.fence.distance_to_edge(at);
+        let inside_m = if self.fence.contains(at) { to_edge_m } else { -to_edge_m };
+        if inside_m <= keep_m {
+            return inside_m - keep_m;
+        }
+        inside_m.min(self.scene.clearance_m(at, low_m, high_m)) - keep_m
+    }
+}
+
+/// A sensor that may look anywhere.
+struct Eye<'a> {
+    scene: &'a Scene,
+    sight: Sight,
+    facing: f64,
+    /// Directions beside that of a point, a ray's distance apart, from far right to far left without the middle.
+    beside: Vec<(i32, Vector)>,
+}
+
+impl<'a> Eye<'a> {
+    fn new(scene: &'a Scene, sight: Sight) -> Eye<'a> {
+        let steps = CONE_RAYS as i32 - 1;
+        let apart_rad = 2.0 * sight.half_angle_rad / f64::from(steps);
+        let turned = |index: i32| {
+            let (sin, cos) = libm::sincos(apart_rad * f64::from(index));
+            (index, Vector::new(cos, sin))
+        };
+        let beside = (-steps..=steps).filter(|index| *index != 0).map(turned).collect();
+        Eye { scene, sight, facing: libm::cos(sight.incidence_max_rad), beside }
+    }
+
+    fn sees_from_any(&self, point: &Point2, places: &Places) -> bool {
+        places.near(point.at, self.sight.max_m).any(|place| self.sees(place, point))
+    }
+
+    fn sees(&self, place: Point, point: &Point2) -> bool {
+        let away = point.at - place;
+        let distance_m = away.length_m();
+        if distance_m > self.sight.max_m || distance_m < self.sight.min_m || distance_m <= AT_ONCE_M {
+            return false;
+        }
+        let along = away * (1.0 / distance_m);
+        if -along.dot(point.outward) < self.facing {
+            return false;
+        }
+        self.hit(place, along, distance_m - 2.0 * SKIN_M).is_none()
+            && self.hears_it_first(place, along, distance_m)
+    }
+
+    /// Tells whether some cone that holds a direction gives no echo nearer than so far.
+    fn hears_it_first(&self, place: Point, along: Vector, distance_m: f64) -> bool {
+        let answers = |beside: Vector| {
+            let ray = Vector::new(
+                along.x_m * beside.x_m - along.y_m * beside.y_m,
+                along.x_m * beside.y_m + along.y_m * beside.x_m,
+            );
+            let hit = self.hit(place, ray, distance_m - AT_ONCE_M);
+            hit.is_some_and(|cosine| cosine >= self.facing)
+        };
+        let steps = CONE_RAYS as i32 - 1;
+        // A cone from index `first` to `first + steps` holds index 0.
+        let quiet = |first: i32| {
+            let of_cone = |index: &i32| (first..=first + steps).contains(index);
+            self.beside.iter().filter(|(index, _)| of_cone(index)).all(|(_, beside)| !answers(*beside))
+        };
+        (-steps..=0).rev().any(quiet)
+    }
+
+    /// Gives the cosine of the angle at which a ray meets the first surface nearer than so far.
+    fn hit(&self, from: Point, along: Vector, within_m: f64) -> Option<f64> {
+        let hit = self.scene.cast(
+            [from.x_m, from.y_m, self.sight.height_m],
+            [along.x_m, along.y_m, 0.0],
+            within_m,
+        )?;
+        Some((along.x_m * hit.normal[0] + along.y_m * hit.normal[1]).abs())
+    }
+}
+
+/// What of a scene can be seen, for runs that share scene, room and sensor.
+#[derive(Clone, Debug)]
+pub struct Visible {
+    /// The surface.
+    pub surface: Surface,
+    /// The cells that can be seen from where a vehicle can get to.
+    pub cells: BTreeSet<Cell>,
+    /// How many places a vehicle can get to.
+    pub places: usize,
+}
+
+impl Visible {
+    /// Finds it.
+    pub fn find(
+        scene: &Scene,
+        lattice: Lattice,
+        (fence, homes): (&Polygon, &[Point]),
+        room: &Room,
+        sight: &Sight,
+    ) -> Visible {
+        let surface = Surface::of(scene, sight.height_m, lattice);
+        let places = Places::reachable(scene, fence, homes, room);
+        let all = surface.cells().collect();
+        let cells = surface.seen_from(scene, sight, &places, &all);
+        Visible { surface, cells, places: places.len() }
+    }
+
+    /// Gives the visible cells that were in range, unobstructed, along tracks that were driven.
+    pub fn along<'a>(
+        &self,
+        scene: &Scene,
+        sight: &Sight,
+        tracks: impl Iterator<Item = &'a [Point]>,
+    ) -> BTreeSet<Cell> {
+        self.surface.seen_from(scene, sight, &Places::along(tracks), &self.cells)
+    }
+}
+
+/// Gives how many of some cells a map has detected: occupied there, or in a cell beside or diagonal to it.
+pub fn detected(map: &Merged, slice: i16, cells: &BTreeSet<Cell>) -> usize {
+    let Some(extent) = map.extent(slice) else { return 0 };
+    let view = map.view(slice, extent);
+    let is_near = |cell: &&Cell| {
+        let around = (-1..=1).flat_map(|y| (-1..=1).map(move |x| Cell::new(cell.x + x, cell.y + y)));
+        around.into_iter().any(|cell| is_occupied(&view, cell))
+    };
+    cells.iter().filter(is_near).count()
+}
+
+/// Gives how many cells of a map are occupied.
+pub fn occupied(map: &Merged, slice: i16) -> usize {
+    let Some(CellRect { low, high }) = map.extent(slice) else { return 0 };
+    let view = map.view(slice, CellRect { low, high });
+    let row = |y: i32| (low.x..=high.x).filter(|x| is_occupied(&view, Cell::new(*x, y))).count();
+    (low.y..=high.y).map(row).sum()
+}
+
+fn is_occupied(view: &View<'_>, cell: Cell) -> bool {
+    view.occupancy(cell) == Occupancy::Occupied
+}
+
+/// Gives the smallest distance between bodies that drove along tracks and the scene, metres: from the body's side,
+/// negative inside something; `None` when there is nothing. `others` gives what else stands there, as a distance from a
+/// place.
+pub fn least_clearance_m<'a>(
+    scene: &Scene,
+    (radius_m, low_m, high_m): (f64, f64, f64),
+    tracks: impl Iterator<Item = &'a [Point]>,
+    others: &dyn Fn(Point) -> f64,
+) -> Option<f64> {
+    let mut least_m = f64::INFINITY;
+    for track in tracks {
+        // So far along the track nothing can be nearer than what is known already.
+        let mut sure_m = 0.0;
+        let mut last = None::<Point>;
+        for at in track {
+            sure_m -= last.map_or(0.0, |last| last.distance_to(*at));
+            last = Some(*at);
+            if sure_m > 0.0 {
+                continue;
+            }
+            let clear_m = scene.clearance_m(*at, low_m, high_m).min(others(*at)) - radius_m;
+            least_m = least_m.min(clear_m);
+            sure_m = clear_m - least_m;
+        }
+    }
+    least_m.is_finite().then_some(least_m)
+}
+
+#[cfg(test)]
+mod tests;
