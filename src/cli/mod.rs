@@ -18,6 +18,7 @@ pub mod export;
 #[cfg(feature = "net")]
 mod flight;
 mod folder;
+mod frame;
 #[cfg(feature = "net")]
 pub mod ground;
 pub mod image;
@@ -40,6 +41,7 @@ pub mod recording;
 #[cfg(feature = "net")]
 pub mod replay;
 mod report;
+mod screen;
 pub mod sim;
 #[cfg(feature = "net")]
 pub mod status;
@@ -50,6 +52,7 @@ mod tracks;
 mod trials;
 #[cfg(feature = "net")]
 pub mod vehicle;
+mod watch;
 #[cfg(feature = "net")]
 pub mod world;
 

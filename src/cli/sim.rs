@@ -18,9 +18,10 @@ use super::pictures::write_pictures;
 use super::report::{FAMILY, Report, write_data};
 use super::stop::Stop;
 use super::trials;
+use super::watch::{self, Watching};
 #[cfg(feature = "net")]
 use crate::config::bundled;
-use crate::sim::{Outcome, RunError, Scenario, Status};
+use crate::sim::{Outcome, RunError, Scenario, Shown, Status};
 
 /// Simulate a swarm: rovers sweep an area, and the image of what stands in it is drawn.
 ///
@@ -57,12 +58,18 @@ pub struct SimArgs {
     pub record: bool,
     /// In real time, by real processes on this machine: a world, a ground station, and each vehicle one
     #[cfg(feature = "net")]
-    #[arg(long, conflicts_with_all = ["trials", "record"])]
+    #[arg(long, conflicts_with_all = ["trials", "record", "watch"])]
     pub live: bool,
     /// How the processes are joined
     #[cfg(feature = "net")]
     #[arg(long, value_enum, value_name = "SHAPE", default_value = "mesh", requires = "live")]
     pub topology: super::live::Shape,
+    /// Draw the map and the vehicles in the terminal while the simulation runs
+    #[arg(long, conflicts_with = "trials")]
+    pub watch: bool,
+    /// With --watch: not faster than X times real time [default: as fast as it goes]
+    #[arg(long, value_name = "X", allow_negative_numbers = true, value_parser = parse_pace, requires = "watch")]
+    pub pace: Option<f64>,
     /// Run this many seeds, beginning with --seed, on all cores; print a table and write no folder
     #[arg(
         long,
@@ -90,6 +97,7 @@ Examples:
   tomoswarm sim --seed 7                        the persons stand elsewhere
   tomoswarm sim --vehicles 4 --out four         four rovers, written to the folder four
   tomoswarm sim --trials 20                     20 seeds, one line each
+  tomoswarm sim --watch --pace 20               look on, at 20 times real time
   tomoswarm sim configs/small.sim.toml --live   a short scenario in real time, by real processes (about 2 minutes)
   tomoswarm sim --live -n 8 --topology star     eight vehicle processes joined by the ground station
   tomoswarm sim configs/courtyard.sim.toml      a file of your own: copy it with its venue and scene
@@ -106,6 +114,14 @@ fn parse_seconds(text: &str) -> Result<Duration, String> {
     Ok(Duration::from_secs_f64(seconds))
 }
 
+fn parse_pace(text: &str) -> Result<f64, String> {
+    let pace: f64 = text.parse().map_err(|_| format!("`{text}` is no number"))?;
+    if !(0.01..=1e6).contains(&pace) {
+        return Err(format!("`{text}` times real time is out of range; 0.01 to 1000000 are allowed"));
+    }
+    Ok(pace)
+}
+
 impl SimArgs {
     /// Runs the simulation.
     ///
@@ -119,7 +135,13 @@ impl SimArgs {
         if self.live {
             return super::live::run(self, out);
         }
-        let scenario = self.scenario(self.seed)?;
+        if self.watch {
+            watch::check()?;
+        }
+        let mut scenario = self.scenario(self.seed)?;
+        if self.watch {
+            scenario.shown_every = watch::shown_every(self.pace);
+        }
         let seed = self.seed.unwrap_or(scenario.sim().seed);
         let target = self.out.clone().unwrap_or_else(|| default_folder(&scenario, seed));
         let stop = Stop::listen();
@@ -152,7 +174,7 @@ impl SimArgs {
         stop: &Stop,
         started: Instant,
     ) -> Result<Outcome, CliError> {
-        watched(stop, started, |watch| scenario.run(watch))
+        watched(stop, started, self.watching(scenario), |watch| scenario.run(watch))
     }
 
     /// Runs the scenario, and records it when that is asked for.
@@ -165,19 +187,24 @@ impl SimArgs {
         started: Instant,
     ) -> Result<Outcome, CliError> {
         if !self.record {
-            return watched(stop, started, |watch| scenario.run(watch));
+            return watched(stop, started, self.watching(scenario), |watch| scenario.run(watch));
         }
         let settings = match &self.config {
             Some(path) => super::read::text(path)?,
             None => bundled::load(bundled::COURTYARD).unwrap_or_default(),
         };
         let flights = RefCell::new(Flights::new(folder.recordings()?, settings, scenario.sim()));
-        let outcome = watched(stop, started, |watch| {
-            let mut watch = |status: &Status| watch(status) && !flights.borrow().is_in_trouble();
+        let outcome = watched(stop, started, self.watching(scenario), |watch| {
+            let mut watch = |shown: &Shown<'_>| watch(shown) && !flights.borrow().is_in_trouble();
             scenario.run_recorded(&mut watch, SEGMENT, &mut |entry| flights.borrow_mut().take(&entry))
         })?;
         flights.into_inner().end()?;
         Ok(outcome)
+    }
+
+    /// Begins to draw the run, when that is asked for.
+    fn watching<'a>(&self, scenario: &'a Scenario) -> Option<Watching<'a>> {
+        self.watch.then(|| Watching::begin(&scenario.sim().venue, self.pace))
     }
 
     /// Loads the files and makes the scenario of a seed.
@@ -258,21 +285,28 @@ pub(super) fn started() -> Instant {
     Instant::now()
 }
 
-/// Runs with a progress line, until it is asked to stop.
+/// Runs with a progress line, or drawn, until it is asked to stop.
 ///
 /// # Errors
 /// The scenario is impossible, or the program is at fault.
 pub(super) fn watched(
     stop: &Stop,
     started: Instant,
-    run: impl FnOnce(&mut dyn FnMut(&Status) -> bool) -> Result<Outcome, RunError>,
+    mut watching: Option<Watching<'_>>,
+    run: impl FnOnce(&mut dyn FnMut(&Shown<'_>) -> bool) -> Result<Outcome, RunError>,
 ) -> Result<Outcome, CliError> {
-    let bar = progress_bar();
+    let bar = if watching.is_some() { ProgressBar::hidden() } else { progress_bar() };
     let mut is_stopped = false;
-    let mut watch = |status: &Status| {
-        bar.set_length(status.laps.max(1) as u64);
-        bar.set_position(status.laps_done as u64);
-        bar.set_message(line(status, started.elapsed()));
+    let mut watch = |shown: &Shown<'_>| {
+        let status = &shown.status;
+        match &mut watching {
+            Some(watching) => watching.show(shown, stop),
+            None => {
+                bar.set_length(status.laps.max(1) as u64);
+                bar.set_position(status.laps_done as u64);
+                bar.set_message(line(status, started.elapsed()));
+            }
+        }
         is_stopped = stop.is_asked();
         !is_stopped
     };
@@ -281,6 +315,7 @@ pub(super) fn watched(
         RunError::Fault(fault) => CliError::Fault(fault.to_string()),
     })?;
     bar.finish_and_clear();
+    drop(watching);
     if is_stopped {
         outcome.finished = false;
         outcome.failure =
@@ -296,6 +331,11 @@ fn progress_bar() -> ProgressBar {
     let style = ProgressStyle::with_template("{spinner} {bar:30} lap {pos}/{len}  {msg}")
         .unwrap_or_else(|_| ProgressStyle::default_bar());
     ProgressBar::no_length().with_style(style)
+}
+
+/// How a run gets on, for who watches it: the lap as well.
+pub(super) fn progress(status: &Status, wall: Duration) -> String {
+    format!("lap {}/{}  {}", status.laps_done, status.laps.max(1), line(status, wall).trim_start())
 }
 
 fn line(status: &Status, wall: Duration) -> String {

@@ -9,13 +9,14 @@ use super::body::Limits;
 use super::bus::{Bus, BusModel};
 use super::entry::Entry;
 use super::faults::Faults;
-use super::kernel::{Kernel, Parts, Recording, Status};
+use super::kernel::{Kernel, Parts, Recording};
 use super::noise::{Noise, Purpose};
 use super::outcome::{Outcome, Recorder};
-use super::outside::{Outside, first_telemetry};
+use super::outside::{Outside, TRACK_EVERY, first_telemetry};
 use super::radio_field::{RadioConstants, RadioField};
 use super::range::{Lobe, RangeModel, RangeSensor};
 use super::script::{EMPTY_RUN, RUN, Script};
+use super::shown::Shown;
 use super::world::{Build, Flying, Stage, World};
 use crate::actor::Fault;
 use crate::config::{self, Craft, Expect, Sim, Task};
@@ -83,6 +84,8 @@ pub struct Scenario {
     ring: Ring,
     /// Events of one moment come in an order drawn by the seed, to find what depends on it.
     pub shuffle_ties: bool,
+    /// How often a run shows itself to who watches it, virtual time; once a second by itself.
+    pub shown_every: Duration,
 }
 
 impl Scenario {
@@ -93,7 +96,8 @@ impl Scenario {
     pub fn new(sim: Sim, shapes: Vec<VrmlShape>, seed: u64) -> Result<Scenario, ScenarioError> {
         let noise = Noise::new(seed);
         let ring = Ring::new(sim.venue.area, sim.sweep.positions)?;
-        let mut scenario = Scenario { sim, shapes, noise, persons: Vec::new(), ring, shuffle_ties: false };
+        let (persons, shown_every) = (Vec::new(), TRACK_EVERY);
+        let mut scenario = Scenario { sim, shapes, noise, persons, ring, shuffle_ties: false, shown_every };
         let structure = scenario.scene(&[])?;
         scenario.persons = scenario.place_persons(&structure)?;
         scenario.check_starts(&structure)?;
@@ -220,11 +224,11 @@ impl Scenario {
         Ok(())
     }
 
-    /// Runs the scenario; `watch` is asked once a virtual second whether to go on.
+    /// Runs the scenario; `watch` is asked every `shown_every` of virtual time whether to go on.
     ///
     /// # Errors
     /// The scenario is impossible, or an actor cannot go on.
-    pub fn run(&self, watch: &mut dyn FnMut(&Status) -> bool) -> Result<Outcome, RunError> {
+    pub fn run(&self, watch: &mut dyn FnMut(&Shown<'_>) -> bool) -> Result<Outcome, RunError> {
         let mut kernel = Kernel::new(self.parts()?);
         kernel.run(watch, None)?;
         Ok(self.outcome(kernel)?)
@@ -237,7 +241,7 @@ impl Scenario {
     /// As for [`Scenario::run`].
     pub fn run_recorded(
         &self,
-        watch: &mut dyn FnMut(&Status) -> bool,
+        watch: &mut dyn FnMut(&Shown<'_>) -> bool,
         segment: Duration,
         record: &mut dyn FnMut(Entry),
     ) -> Result<Outcome, RunError> {
@@ -263,6 +267,7 @@ impl Scenario {
             script: self.script_with(second),
             until: Time::ZERO + sim.until,
             shuffle_ties: self.shuffle_ties,
+            shown_every: self.shown_every,
         })
     }
 

@@ -11,7 +11,7 @@ use super::row::{End, Row};
 use super::seen::Cache;
 use crate::cli::error::CliError;
 use crate::cli::stop::Stop;
-use crate::sim::{RunError, Status};
+use crate::sim::{RunError, Shown};
 
 /// Keeps a row, of all rows so far the last.
 pub(super) type Keep<'a> = dyn FnMut(&Row, &[Row]) -> Result<(), CliError> + 'a;
@@ -94,7 +94,7 @@ impl Shared<'_> {
             Err(error) => return refused(error.to_string()),
         };
         let mut is_stopped = false;
-        let mut watch = |_: &Status| {
+        let mut watch = |_: &Shown<'_>| {
             is_stopped = self.is_over();
             !is_stopped
         };
