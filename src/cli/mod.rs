@@ -39,6 +39,9 @@ pub mod recording;
 #[cfg(feature = "net")]
 pub mod replay;
 mod report;
+pub mod scene;
+mod scene_pictures;
+mod scene_text;
 pub mod sim;
 #[cfg(feature = "net")]
 pub mod status;
@@ -82,6 +85,7 @@ enum Command {
     Image(image::ImageCommand),
     Plan(plan::PlanArgs),
     Check(check::CheckArgs),
+    Scene(scene::SceneArgs),
     #[cfg(feature = "net")]
     Vehicle(vehicle::VehicleArgs),
     #[cfg(feature = "net")]
@@ -120,6 +124,7 @@ pub fn run() -> ExitCode {
         Command::Image(image) => image.run(&mut answer),
         Command::Plan(plan) => plan.run(&mut answer),
         Command::Check(check) => check.run(&mut answer),
+        Command::Scene(scene) => scene.run(&mut answer),
         #[cfg(feature = "net")]
         Command::Vehicle(vehicle) => vehicle.run(&mut answer),
         #[cfg(feature = "net")]

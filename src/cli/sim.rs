@@ -18,8 +18,6 @@ use super::pictures::write_pictures;
 use super::report::{FAMILY, Report, write_data};
 use super::stop::Stop;
 use super::trials;
-#[cfg(feature = "net")]
-use crate::config::bundled;
 use crate::sim::{Outcome, RunError, Scenario, Status};
 
 /// Simulate a swarm: rovers sweep an area, and the image of what stands in it is drawn.
@@ -33,7 +31,7 @@ use crate::sim::{Outcome, RunError, Scenario, Status};
 #[derive(clap::Args, Debug)]
 #[command(after_help = AFTER_HELP)]
 pub struct SimArgs {
-    /// A simulation file (kind = "sim"); see configs/courtyard.sim.toml
+    /// A simulation file (kind = "sim"), see configs/courtyard.sim.toml; or a bundled one by name: castle, trees, house
     #[arg(value_name = "CONFIG")]
     pub config: Option<PathBuf>,
     /// Seed of everything that is random [default: the file's, or 1]
@@ -91,6 +89,7 @@ Examples:
   tomoswarm sim --trials 20                     20 seeds, one line each
   tomoswarm sim configs/small.sim.toml --live   a short scenario in real time, by real processes (about 2 minutes)
   tomoswarm sim --live -n 8 --topology star     eight vehicle processes joined by the ground station
+  tomoswarm sim castle                          another bundled place; also trees, house
   tomoswarm sim configs/courtyard.sim.toml      a file of your own: copy it with its venue and scene
 
 Exit codes: 0 done; 1 a collision, a breach of the fence, a sweep that did not end or was stopped, or in --trials too
@@ -178,10 +177,7 @@ impl SimArgs {
         if !self.record {
             return watched(stop, started, |watch| scenario.run(watch));
         }
-        let settings = match &self.config {
-            Some(path) => super::read::text(path)?,
-            None => bundled::load(bundled::COURTYARD).unwrap_or_default(),
-        };
+        let settings = load::text(self.config.as_deref())?;
         let flights = RefCell::new(Flights::new(folder.recordings()?, settings, scenario.sim()));
         let outcome = watched(stop, started, |watch| {
             let mut watch = |status: &Status| watch(status) && !flights.borrow().is_in_trouble();

@@ -18,6 +18,7 @@ pub mod radio_field;
 pub mod range;
 mod scenario;
 pub mod script;
+pub mod staging;
 mod world;
 
 pub use entry::Entry;
