@@ -131,7 +131,7 @@ impl ExperimentArgs {
         let target = self.out.clone().unwrap_or_else(|| Path::new("out").join(name));
         let (stop, folder) = (Stop::listen(), OutputFolder::prepare(&target, FAMILY)?);
         let started = sim::started();
-        let outcome = sim::watched(&stop, started, |watch| scenario.run(watch))?;
+        let outcome = sim::watched(&stop, started, None, |watch| scenario.run(watch))?;
         let said = writeln!(out, "run {run}: {}", experiment.key(run, true));
         said.map_err(CliError::stdout)?;
         let seed = experiment.seed_of(run).unwrap_or(scenario.sim().seed);

@@ -42,6 +42,9 @@ pub mod recording;
 pub mod replay;
 mod report;
 mod screen;
+pub mod scene;
+mod scene_pictures;
+mod scene_text;
 pub mod sim;
 #[cfg(feature = "net")]
 pub mod status;
@@ -88,6 +91,7 @@ enum Command {
     Plan(plan::PlanArgs),
     Check(check::CheckArgs),
     Experiment(experiment::ExperimentArgs),
+    Scene(scene::SceneArgs),
     #[cfg(feature = "net")]
     Vehicle(vehicle::VehicleArgs),
     #[cfg(feature = "net")]
@@ -127,6 +131,7 @@ pub fn run() -> ExitCode {
         Command::Plan(plan) => plan.run(&mut answer),
         Command::Check(check) => check.run(&mut answer),
         Command::Experiment(experiment) => experiment.run(&mut answer),
+        Command::Scene(scene) => scene.run(&mut answer),
         #[cfg(feature = "net")]
         Command::Vehicle(vehicle) => vehicle.run(&mut answer),
         #[cfg(feature = "net")]

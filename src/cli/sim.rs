@@ -34,7 +34,7 @@ use crate::sim::{Outcome, RunError, Scenario, Shown, Status};
 #[derive(clap::Args, Debug)]
 #[command(after_help = AFTER_HELP)]
 pub struct SimArgs {
-    /// A simulation file (kind = "sim"); see configs/courtyard.sim.toml
+    /// A simulation file (kind = "sim"), see configs/courtyard.sim.toml; or a bundled one by name: castle, trees, house
     #[arg(value_name = "CONFIG")]
     pub config: Option<PathBuf>,
     /// Seed of everything that is random [default: the file's, or 1]
@@ -100,6 +100,7 @@ Examples:
   tomoswarm sim --watch --pace 20               look on, at 20 times real time
   tomoswarm sim configs/small.sim.toml --live   a short scenario in real time, by real processes (about 2 minutes)
   tomoswarm sim --live -n 8 --topology star     eight vehicle processes joined by the ground station
+  tomoswarm sim castle                          another bundled place; also trees, house
   tomoswarm sim configs/courtyard.sim.toml      a file of your own: copy it with its venue and scene
   tomoswarm sim configs/explore.sim.toml        four rovers explore a castle: [mission] kind = \"explore\"
 
@@ -189,10 +190,7 @@ impl SimArgs {
         if !self.record {
             return watched(stop, started, self.watching(scenario), |watch| scenario.run(watch));
         }
-        let settings = match &self.config {
-            Some(path) => super::read::text(path)?,
-            None => bundled::load(bundled::COURTYARD).unwrap_or_default(),
-        };
+        let settings = load::text(self.config.as_deref())?;
         let flights = RefCell::new(Flights::new(folder.recordings()?, settings, scenario.sim()));
         let outcome = watched(stop, started, self.watching(scenario), |watch| {
             let mut watch = |shown: &Shown<'_>| watch(shown) && !flights.borrow().is_in_trouble();

@@ -22,6 +22,7 @@ mod scenario;
 pub mod script;
 mod shown;
 pub mod visible;
+pub mod staging;
 mod world;
 
 pub use entry::Entry;

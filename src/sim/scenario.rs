@@ -17,7 +17,8 @@ use super::radio_field::{RadioConstants, RadioField};
 use super::range::{Lobe, RangeModel, RangeSensor};
 use super::script::{EMPTY_RUN, RUN, Script};
 use super::shown::Shown;
-use super::world::{Build, Flying, Stage, World};
+use super::staging;
+use super::world::{Build, Flying, GROUND_CLEARANCE_M, Stage, World};
 use crate::actor::Fault;
 use crate::config::{self, Craft, Expect, Sim, Task};
 use crate::geom::Point;
@@ -25,9 +26,7 @@ use crate::ground::imager::Subject;
 use crate::ground::planner::Method;
 use crate::ground::{GroundNode, from_config};
 use crate::node::{Settings as NodeSettings, VehicleNode};
-use crate::scene::{
-    Attenuation, Footprint, Material, Outline, Person, Post, Scene, SceneError, SceneParts, VrmlShape,
-};
+use crate::scene::{Attenuation, Outline, Person, Scene, SceneError, VrmlShape};
 use crate::sweep::{Ring, SweepError};
 use crate::time::Time;
 use crate::tomo::{Settings as ImageSettings, TomoError};
@@ -50,7 +49,10 @@ pub enum ScenarioError {
         count: usize,
     },
     /// A vehicle starts inside something.
-    #[error("vehicle {vehicle} starts {clearance_m:.2} m from an object, its radius is {radius_m} m")]
+    #[error(
+        "homes_m of the venue: vehicle {vehicle} starts {clearance_m:.2} m from an object; \
+         more than its radius of {radius_m} m is needed"
+    )]
     StartsInside {
         /// Which one.
         vehicle: VehicleId,
@@ -162,17 +164,7 @@ impl Scenario {
     }
 
     fn scene(&self, persons: &[Person]) -> Result<Scene, SceneError> {
-        let file = &self.sim.scene;
-        let materials = file.materials.iter().map(|(name, m)| (name.clone(), material(*m))).collect();
-        let posts: Vec<Post> = file.objects.iter().map(post).collect();
-        Scene::build(&SceneParts {
-            shapes: &self.shapes,
-            offset_m: file.offset_m,
-            materials: &materials,
-            default_material: material(file.default_material),
-            posts: &posts,
-            persons,
-        })
+        staging::build(&self.sim.scene, &self.shapes, persons)
     }
 
     fn stage(&self, persons: &[Person]) -> Result<Stage, SceneError> {
@@ -185,7 +177,7 @@ impl Scenario {
 
     fn place_persons(&self, structure: &Scene) -> Result<Vec<Person>, ScenarioError> {
         let file = &self.sim.scene;
-        let mut persons: Vec<Person> = file.persons.iter().map(person).collect();
+        let mut persons: Vec<Person> = file.persons.iter().map(staging::person).collect();
         let Some(rules) = &file.random_persons else { return Ok(persons) };
         let room = self.sim.venue.area.shrunk(rules.keep_from_border_m);
         for number in 1..=rules.count {
@@ -215,7 +207,8 @@ impl Scenario {
                 Craft::Rover => 0.0,
                 Craft::Copter => vehicles.flight.altitude_m,
             };
-            let clearance_m = structure.clearance_m(home, low_m, low_m + vehicles.height_m);
+            let (low_m, high_m) = (low_m + GROUND_CLEARANCE_M, low_m + vehicles.height_m);
+            let clearance_m = structure.clearance_m(home, low_m, high_m);
             if clearance_m <= vehicles.radius_m {
                 let radius_m = vehicles.radius_m;
                 return Err(ScenarioError::StartsInside { vehicle, clearance_m, radius_m });
@@ -466,31 +459,6 @@ fn radio_constants(radio: &config::Radio) -> RadioConstants {
         packet_sd_db: radio.packet_sd_db,
         sensitivity_dbm: radio.sensitivity_dbm,
         slope_db: radio.sensitivity_slope_db,
-    }
-}
-
-fn material(material: config::Material) -> Material {
-    Material { db_per_m: material.db_per_m, db_per_crossing: material.db_per_crossing }
-}
-
-fn post(object: &config::Object) -> Post {
-    let footprint = match &object.outline {
-        config::Outline::Polygon(polygon) => Footprint::Convex(polygon.clone()),
-        config::Outline::Circle { centre, radius_m } => {
-            Footprint::Round { centre: *centre, radius_m: *radius_m }
-        }
-    };
-    let (low_m, high_m) = (object.bottom_m, object.top_m);
-    Post { name: object.name.clone(), footprint, low_m, high_m, material: material(object.material) }
-}
-
-fn person(person: &config::Person) -> Person {
-    Person {
-        name: person.name.clone(),
-        at: person.at,
-        radius_m: person.radius_m,
-        height_m: person.height_m,
-        db_per_m: person.db_per_m,
     }
 }
 
