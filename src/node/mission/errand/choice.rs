@@ -23,8 +23,6 @@ const FRONTIER_M: f64 = 0.6;
 const NEAR_OBJECT_M: f64 = 1.5;
 /// By so much farther ways a search goes to what is near to objects, metres.
 const OBJECT_BONUS_M: f64 = 8.0;
-/// No penalty is less than this, metres.
-const LEAST_PENALTY_M: f64 = -OBJECT_BONUS_M;
 /// What a peer is going to see is looked at only when nothing else is left, metres.
 const PEER_PENALTY_M: f64 = 1e4;
 /// A metre more between the vehicle and what it looks at counts as so many metres of way.
@@ -90,9 +88,10 @@ impl Errand {
         let buckets = Buckets::new(lattice, grid.area(), wanted);
         let view = scene.pilot.map().view(self.settings.slice, grid.area());
         let (near_m, far_m) = self.reaches_m(scene.pilot.keep_m(pose));
+        let least_m = wanted.iter().map(|one| one.penalty_m).fold(f64::INFINITY, f64::min);
         let (mut best, mut best_m) = (None, f64::INFINITY);
         for (cost_m, cell) in by_cost(grid, &reached) {
-            if cost_m + LEAST_PENALTY_M >= best_m {
+            if cost_m + least_m >= best_m {
                 break;
             }
             let from = if cell == start { pose.at } else { lattice.centre(cell) };
