@@ -265,6 +265,20 @@ impl Grid {
         self.levels.as_ref().map_or(&[], |levels| &levels[row * self.width..][..self.width])
     }
 
+    /// Gives how dear a cell is; 0 outside.
+    pub(super) fn level(&self, cell: Cell) -> u8 {
+        let levels = self.levels.as_ref();
+        levels.zip(self.index(cell)).map_or(0, |(levels, index)| levels[index])
+    }
+
+    /// Gives how dear the dearest cell under a segment is.
+    pub(super) fn highest_level(&self, along: Segment) -> u8 {
+        if self.levels.is_none() {
+            return 0;
+        }
+        self.lattice.cells_under(along).map(|cell| self.level(cell)).max().unwrap_or(0)
+    }
+
     /// Tells whether the strip along a segment is clear: no solid middle nearer than the half-width, and no
     /// closed cell under it.
     pub(super) fn sweeps_clear(&self, along: Segment) -> bool {

@@ -114,7 +114,7 @@ impl Pilot {
         let (fence, radius_m) = (&self.settings.fence, self.settings.body.radius_m);
         let edge_m = fence.distance_to_edge(pose.at).min(fence.distance_to_edge(goal)) - cell_m;
         let fence_m = self.half_width_m(pose).min(edge_m).max(radius_m);
-        grid.close_where(|place| !fence.contains_disc(place, fence_m));
+        grid.close_outside(fence, fence_m);
         let mut keep = |claim: Segment, keep_m: f64| {
             let keep_m = (keep_m + cell_m).min(claim.distance_to_point(pose.at) - cell_m);
             grid.close_within(claim, keep_m);
