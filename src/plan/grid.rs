@@ -11,7 +11,7 @@ use super::swath::rows_within;
 use crate::geom::{Cell, Lattice, Point, Polygon, Segment};
 use crate::map::{CellRect, Occupancy, View};
 
-/// A grid has at most this many cells (a search takes about 20 bytes for each).
+/// A grid has at most this many cells (a search takes about 12 bytes for each).
 pub const MAX_GRID_CELLS: u64 = 16_000_000;
 
 /// The vehicle's disc may not touch it: occupied, or unknown where that is not allowed.
