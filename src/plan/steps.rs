@@ -91,7 +91,7 @@ const fn allowed(kind: u8, open: usize) -> u8 {
     let (mut steps, mut step) = (0, 0);
     while step < 8 {
         let corner = !(is_open(open, step + 1) && is_open(open, step + 7));
-        let fits = step % 2 == 0 || kind == 2 || (kind == 1 && !corner);
+        let fits = step.is_multiple_of(2) || kind == 2 || (kind == 1 && !corner);
         if fits && is_open(open, step) {
             steps |= bit(step);
         }
