@@ -293,7 +293,7 @@ mod tests {
         check(
             "s.toml",
             "kind = \"scene\"\n[[object]]\noutline_m = [[0, 0]]\ncolour = \"red\"\n",
-            "colour = red",
+            "colour = \"red\"",
         );
         assert!(run(&args(&folder.path().join("gone.toml"), &out)).is_err());
     }
