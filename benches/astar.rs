@@ -4,9 +4,9 @@
 use std::hint::black_box;
 use std::time::Instant;
 
-use tomoswarm::geom::{Cell, Lattice};
+use tomoswarm::geom::{Angle, Cell, Lattice};
 use tomoswarm::map::CellRect;
-use tomoswarm::plan::{Grid, Rules, shortest_cells, shortest_route};
+use tomoswarm::plan::{Grid, Rules, Turning, shortest_cells, shortest_route};
 
 const SIDE: i32 = 400;
 
@@ -17,14 +17,23 @@ fn main() {
     let (_, expanded) = search_ms(&serpentine, &rules);
     println!("serpentine: median {:.2} ms, {expanded} cells expanded", percentile(&mut times, 0.5));
     let grids: Vec<Grid> =
-        (0..101).map(|seed| grid(|cell| mix(seed, cell) % 100 < 22 && cell.x + cell.y > 2)).collect();
+        (0..101).map(|seed| grid(|cell| mix(seed, cell) % 100 < 22 && !is_end(cell))).collect();
     let mut times: Vec<f64> = grids.iter().map(|grid| search_ms(grid, &rules).0).collect();
     let mut expanded: Vec<f64> = grids.iter().map(|grid| search_ms(grid, &rules).1 as f64).collect();
     let cells = percentile(&mut expanded, 0.5);
     println!("22 % blocked: median {:.2} ms, {cells} cells expanded", percentile(&mut times, 0.5));
+    let solved = grids.iter().filter(|grid| search_ms(grid, &rules).1 > 0).count();
+    println!("              {solved} of 101 have a way");
     println!("              95 % under {:.2} ms", percentile(&mut times, 0.95));
     let mut times: Vec<f64> = grids.iter().map(|grid| route_ms(grid, &rules)).collect();
     println!("  with straightening: median {:.2} ms", percentile(&mut times, 0.5));
+    let turning = Turning { cost_m_per_rad: 0.1, heading: Some(Angle::from_degrees(90.0)) };
+    let turning = Rules { turning: Some(turning), ..rules };
+    let mut times: Vec<f64> = (0..9).map(|_| search_ms(&serpentine, &turning).0).collect();
+    println!("serpentine with turning: median {:.2} ms", percentile(&mut times, 0.5));
+    let mut times: Vec<f64> = grids.iter().map(|grid| search_ms(grid, &turning).0).collect();
+    println!("22 % blocked with turning: median {:.2} ms", percentile(&mut times, 0.5));
+    println!("                           95 % under {:.2} ms", percentile(&mut times, 0.95));
     let mut times: Vec<f64> = (0..9).map(inflate_ms).collect();
     println!("making a grid, 22 % blocked, 3 cells clearance: median {:.2} ms", percentile(&mut times, 0.5));
 }
@@ -35,6 +44,11 @@ fn grid(solid: impl Fn(Cell) -> bool) -> Grid {
 
 fn area() -> CellRect {
     CellRect::new(Cell::new(0, 0), Cell::new(SIDE - 1, SIDE - 1))
+}
+
+/// Tells whether a cell is one of the two corners that are joined.
+fn is_end(cell: Cell) -> bool {
+    cell.x + cell.y <= 2 || cell.x + cell.y >= 2 * SIDE - 4
 }
 
 fn search_ms(grid: &Grid, rules: &Rules) -> (f64, usize) {

@@ -1,6 +1,7 @@
 //! How many rays a second, and how long a radio link takes, on one core.
 //!
-//! `cargo bench --bench rays`. Uses `../shared/data/vrml/castle.wrl` when it is there, and the bundled courtyard.
+//! `cargo bench --bench rays`. The bundled environments, and `../shared/data/vrml/castle.wrl` when it is there. Level rays as
+//! the range sensor casts them, and rays in all directions from where a vehicle may be.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -15,17 +16,23 @@ const LINKS: usize = 200_000;
 
 fn main() {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
-    let castle = root.join("../shared/data/vrml/castle.wrl");
-    match load(&castle, &[]) {
-        Some(scene) => rays("castle", &scene, [0.0, 0.0, 4.0], 40.0),
-        None => println!("castle: skipped, {} is not there", castle.display()),
+    let old_castle = root.join("../shared/data/vrml/castle.wrl");
+    match load(&old_castle, Up::Z, &[]) {
+        Some(scene) => rays("old castle", &scene, [0.0, 0.0, 4.0], 40.0, 1000.0),
+        None => println!("old castle: skipped, {} is not there", old_castle.display()),
+    }
+    for (name, up) in [("castle", Up::Z), ("trees", Up::Y), ("house", Up::Z)] {
+        match load(&root.join(format!("scenes/{name}.wrl")), up, &[]) {
+            Some(scene) => rays(name, &scene, [12.0, 12.0, 0.3], 11.5, 1000.0),
+            None => println!("{name}: cannot be read"),
+        }
     }
     let persons = [person("one", 8.0, 8.0), person("two", 14.0, 12.0)];
-    let Some(scene) = load(&root.join("scenes/courtyard.wrl"), &persons) else {
+    let Some(scene) = load(&root.join("scenes/courtyard.wrl"), Up::Z, &persons) else {
         println!("courtyard: cannot be read");
         return;
     };
-    rays("courtyard", &scene, [10.0, 10.0, 0.5], 9.0);
+    rays("courtyard", &scene, [10.0, 10.0, 0.5], 9.0, 1000.0);
     links(&scene);
 }
 
@@ -33,9 +40,9 @@ fn person(name: &str, x_m: f64, y_m: f64) -> Person {
     Person { name: name.into(), at: Point::new(x_m, y_m), radius_m: 0.3, height_m: 1.8, db_per_m: 10.0 }
 }
 
-fn load(path: &Path, persons: &[Person]) -> Option<Scene> {
+fn load(path: &Path, up: Up, persons: &[Person]) -> Option<Scene> {
     let text = std::fs::read_to_string(path).ok()?;
-    let read = read_vrml(&text, &path.display().to_string(), Up::Z, &mut |_| Err("none here".into())).ok()?;
+    let read = read_vrml(&text, &path.display().to_string(), up, &mut |_| Err("none here".into())).ok()?;
     let parts = SceneParts {
         shapes: &read.shapes,
         offset_m: [0.0; 3],
@@ -52,23 +59,26 @@ fn spread(index: usize, by: f64) -> f64 {
     (index as f64 * by).fract()
 }
 
-fn rays(name: &str, scene: &Scene, middle: [f64; 3], span_m: f64) {
-    let rays: Vec<([f64; 3], [f64; 3])> = (0..RAYS)
-        .map(|index| {
-            let (sin, cos) = (spread(index, 0.618_033_988_75) * std::f64::consts::TAU).sin_cos();
-            let x = middle[0] + span_m * (2.0 * spread(index, 0.754_877_666) - 1.0);
-            let y = middle[1] + span_m * (2.0 * spread(index, 0.569_840_291) - 1.0);
-            ([x, y, middle[2]], [cos, sin, 0.0])
-        })
-        .collect();
-    let mut hits = 0;
-    let rates = measure(RAYS, || {
-        hits = rays
-            .iter()
-            .filter(|(origin, direction)| scene.cast(*origin, *direction, 1000.0).is_some())
-            .count();
-    });
-    print_rates(&format!("{name}: {RAYS} level rays, {hits} hits"), "rays/s", &rates);
+fn rays(name: &str, scene: &Scene, middle: [f64; 3], span_m: f64, most_m: f64) {
+    let ray = |index: usize, is_level: bool| {
+        let (sin, cos) = (spread(index, 0.618_033_988_75) * std::f64::consts::TAU).sin_cos();
+        let x = middle[0] + span_m * (2.0 * spread(index, 0.754_877_666) - 1.0);
+        let y = middle[1] + span_m * (2.0 * spread(index, 0.569_840_291) - 1.0);
+        let rise: f64 = if is_level { 0.0 } else { 2.0 * spread(index, 0.819_172_513) - 1.0 };
+        let across = (1.0 - rise * rise).sqrt();
+        ([x, y, middle[2]], [cos * across, sin * across, rise])
+    };
+    for (word, is_level) in [("level", true), ("all-round", false)] {
+        let rays: Vec<([f64; 3], [f64; 3])> = (0..RAYS).map(|index| ray(index, is_level)).collect();
+        let mut hits = 0;
+        let rates = measure(RAYS, || {
+            let is_hit = |(origin, direction): &&([f64; 3], [f64; 3])| {
+                scene.cast(*origin, *direction, most_m).is_some()
+            };
+            hits = rays.iter().filter(is_hit).count();
+        });
+        print_rates(&format!("{name}: {RAYS} {word} rays, {hits} hits"), "rays/s", &rates);
+    }
 }
 
 fn links(scene: &Scene) {

@@ -3,6 +3,8 @@
 
 #[path = "sim/bus.rs"]
 mod bus;
+#[path = "sim/environments.rs"]
+mod environments;
 #[path = "sim/faults.rs"]
 mod faults;
 #[path = "sim/fleets.rs"]

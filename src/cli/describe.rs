@@ -420,6 +420,7 @@ fn end_lines(sim: &Sim) -> Vec<Line> {
     ]
 }
 
-fn place(point: &Point) -> String {
+/// Writes a place of the plane.
+pub(super) fn place(point: &Point) -> String {
     format!("({}, {})", point.x_m, point.y_m)
 }

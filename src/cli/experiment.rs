@@ -21,6 +21,9 @@ use self::grid::Grid;
 use self::journal::{Header, Journal, Mode};
 use self::row::{End, Row, csv};
 use super::error::CliError;
+use super::folder::OutputFolder;
+use super::report::FAMILY;
+use super::sim;
 use super::stop::Stop;
 use crate::config::{Axis, Experiment};
 
@@ -50,6 +53,9 @@ pub struct ExperimentArgs {
     /// Throw away what an earlier run has finished
     #[arg(long)]
     pub fresh: bool,
+    /// Simulate only this run of the grid, by its number in runs.csv, and write its folder as `sim` does
+    #[arg(long, value_name = "RUN", conflicts_with_all = ["resume", "fresh", "threads"])]
+    pub only: Option<usize>,
     /// What the table has a row for
     #[arg(long, value_name = "AXES", value_delimiter = ',', default_values = ["mission", "scene"], value_parser = parse_axis)]
     pub by: Vec<Axis>,
@@ -66,6 +72,7 @@ Axes for --by: mission, scene, safety_m, cell_m, size_m, sensor, vehicles, seed.
 Examples:
   tomoswarm experiment configs/experiment-thesis.toml
   tomoswarm experiment configs/experiment-thesis.toml --by mission,safety_m
+  tomoswarm experiment configs/experiment-thesis.toml --only 150   one run, with pictures and log
   tomoswarm experiment mine.toml --threads 1 --out mine --fresh
 
 Exit codes: 0 every run of the grid has a row, however it ended; 1 it was stopped before, or the program was at fault; 2
@@ -89,6 +96,9 @@ impl ExperimentArgs {
     /// Bad files or cells, a folder that cannot be used, a fault, or a request to stop.
     pub fn run(&self, out: &mut dyn Write) -> Result<(), CliError> {
         let grid = Grid::load(&self.config)?;
+        if let Some(run) = self.only {
+            return self.run_only(&grid, run, out);
+        }
         grid.check()?;
         let experiment = grid.experiment();
         let folder = self.out.clone().unwrap_or_else(|| Path::new("out").join(&experiment.name));
@@ -107,6 +117,25 @@ impl ExperimentArgs {
         let text = write_tables(&folder, experiment, &rows, &self.by)?;
         out.write_all(text.as_bytes()).and_then(|()| out.flush()).map_err(CliError::stdout)?;
         judge(experiment, &rows)
+    }
+
+    /// Simulates one run of the grid, with pictures and a log.
+    fn run_only(&self, grid: &Grid, run: usize, out: &mut dyn Write) -> Result<(), CliError> {
+        let experiment = grid.experiment();
+        if run >= experiment.runs() {
+            let last = experiment.runs() - 1;
+            return Err(CliError::Usage(format!("--only {run}: the grid has the runs 0 to {last}")));
+        }
+        let scenario = grid.scenario(run)?;
+        let name = format!("{}-run-{run}", experiment.name);
+        let target = self.out.clone().unwrap_or_else(|| Path::new("out").join(name));
+        let (stop, folder) = (Stop::listen(), OutputFolder::prepare(&target, FAMILY)?);
+        let started = sim::started();
+        let outcome = sim::watched(&stop, started, None, |watch| scenario.run(watch))?;
+        let said = writeln!(out, "run {run}: {}", experiment.key(run, true));
+        said.map_err(CliError::stdout)?;
+        let seed = experiment.seed_of(run).unwrap_or(scenario.sim().seed);
+        sim::publish(folder, &scenario, &outcome, true, (seed, started.elapsed()), out)
     }
 
     fn mode(&self) -> Mode {

@@ -36,6 +36,25 @@ impl Loaded {
 /// What reads a simulation's file.
 type Read = fn(&str, &str, Option<usize>, &mut config::Loader<'_>) -> Result<Sim, Problems>;
 
+/// Gives the bundled simulation that is meant: the courtyard without a file, or the one whose plain name is given where no
+/// such file lies.
+pub(super) fn bundled_one(file: Option<&Path>) -> Option<&'static str> {
+    let Some(path) = file else { return Some(bundled::COURTYARD) };
+    path.to_str().and_then(bundled::simulation).filter(|_| !path.exists())
+}
+
+/// Gives the text of a simulation file; the bundled example without one.
+///
+/// # Errors
+/// The file cannot be read.
+#[cfg(feature = "net")]
+pub fn text(file: Option<&Path>) -> Result<String, CliError> {
+    match (bundled_one(file), file) {
+        (None, Some(path)) => read::text(path),
+        (name, _) => Ok(bundled::load(name.unwrap_or(bundled::COURTYARD)).unwrap_or_default()),
+    }
+}
+
 /// Reads a simulation file and everything that it names; the bundled example without one.
 ///
 /// # Errors
@@ -54,9 +73,10 @@ pub fn load_world(file: Option<&Path>, vehicles: Option<usize>) -> Result<Loaded
 }
 
 fn load_as(read_sim: Read, file: Option<&Path>, vehicles: Option<usize>) -> Result<Loaded, CliError> {
-    let Some(path) = file else {
-        return load_with(read_sim, bundled::COURTYARD, vehicles, &mut |name| bundled::load(name));
-    };
+    if let Some(example) = bundled_one(file) {
+        return load_with(read_sim, example, vehicles, &mut |name| bundled::load(name));
+    }
+    let Some(path) = file else { return Err(CliError::Fault("no simulation is bundled".to_owned())) };
     load_with(read_sim, &read::shown(path), vehicles, &mut read::around(path)).map_err(|error| match error {
         // The simulation file itself is named by the user, not by another file.
         CliError::Input { path: ref missing, .. } if *missing == Path::new(&read::shown(path)) => {

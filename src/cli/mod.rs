@@ -18,6 +18,7 @@ pub mod export;
 #[cfg(feature = "net")]
 mod flight;
 mod folder;
+mod frame;
 #[cfg(feature = "net")]
 pub mod ground;
 pub mod image;
@@ -40,6 +41,10 @@ pub mod recording;
 #[cfg(feature = "net")]
 pub mod replay;
 mod report;
+mod screen;
+pub mod scene;
+mod scene_pictures;
+mod scene_text;
 pub mod sim;
 #[cfg(feature = "net")]
 pub mod status;
@@ -50,6 +55,7 @@ mod tracks;
 mod trials;
 #[cfg(feature = "net")]
 pub mod vehicle;
+mod watch;
 #[cfg(feature = "net")]
 pub mod world;
 
@@ -85,6 +91,7 @@ enum Command {
     Plan(plan::PlanArgs),
     Check(check::CheckArgs),
     Experiment(experiment::ExperimentArgs),
+    Scene(scene::SceneArgs),
     #[cfg(feature = "net")]
     Vehicle(vehicle::VehicleArgs),
     #[cfg(feature = "net")]
@@ -124,6 +131,7 @@ pub fn run() -> ExitCode {
         Command::Plan(plan) => plan.run(&mut answer),
         Command::Check(check) => check.run(&mut answer),
         Command::Experiment(experiment) => experiment.run(&mut answer),
+        Command::Scene(scene) => scene.run(&mut answer),
         #[cfg(feature = "net")]
         Command::Vehicle(vehicle) => vehicle.run(&mut answer),
         #[cfg(feature = "net")]

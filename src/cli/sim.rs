@@ -18,9 +18,10 @@ use super::pictures::write_pictures;
 use super::report::{FAMILY, Report, write_data};
 use super::stop::Stop;
 use super::trials;
+use super::watch::{self, Watching};
 #[cfg(feature = "net")]
 use crate::config::bundled;
-use crate::sim::{Outcome, RunError, Scenario, Status};
+use crate::sim::{Outcome, RunError, Scenario, Shown, Status};
 
 /// Simulate a swarm: rovers sweep an area, and the image of what stands in it is drawn.
 ///
@@ -33,7 +34,7 @@ use crate::sim::{Outcome, RunError, Scenario, Status};
 #[derive(clap::Args, Debug)]
 #[command(after_help = AFTER_HELP)]
 pub struct SimArgs {
-    /// A simulation file (kind = "sim"); see configs/courtyard.sim.toml
+    /// A simulation file (kind = "sim"), see configs/courtyard.sim.toml; or a bundled one by name: castle, trees, house
     #[arg(value_name = "CONFIG")]
     pub config: Option<PathBuf>,
     /// Seed of everything that is random [default: the file's, or 1]
@@ -57,12 +58,18 @@ pub struct SimArgs {
     pub record: bool,
     /// In real time, by real processes on this machine: a world, a ground station, and each vehicle one
     #[cfg(feature = "net")]
-    #[arg(long, conflicts_with_all = ["trials", "record"])]
+    #[arg(long, conflicts_with_all = ["trials", "record", "watch"])]
     pub live: bool,
     /// How the processes are joined
     #[cfg(feature = "net")]
     #[arg(long, value_enum, value_name = "SHAPE", default_value = "mesh", requires = "live")]
     pub topology: super::live::Shape,
+    /// Draw the map and the vehicles in the terminal while the simulation runs
+    #[arg(long, conflicts_with = "trials")]
+    pub watch: bool,
+    /// With --watch: not faster than X times real time [default: as fast as it goes]
+    #[arg(long, value_name = "X", allow_negative_numbers = true, value_parser = parse_pace, requires = "watch")]
+    pub pace: Option<f64>,
     /// Run this many seeds, beginning with --seed, on all cores; print a table and write no folder
     #[arg(
         long,
@@ -90,8 +97,10 @@ Examples:
   tomoswarm sim --seed 7                        the persons stand elsewhere
   tomoswarm sim --vehicles 4 --out four         four rovers, written to the folder four
   tomoswarm sim --trials 20                     20 seeds, one line each
+  tomoswarm sim --watch --pace 20               look on, at 20 times real time
   tomoswarm sim configs/small.sim.toml --live   a short scenario in real time, by real processes (about 2 minutes)
   tomoswarm sim --live -n 8 --topology star     eight vehicle processes joined by the ground station
+  tomoswarm sim castle                          another bundled place; also trees, house
   tomoswarm sim configs/courtyard.sim.toml      a file of your own: copy it with its venue and scene
   tomoswarm sim configs/explore.sim.toml        four rovers explore a castle: [mission] kind = \"explore\"
 
@@ -104,6 +113,14 @@ fn parse_seconds(text: &str) -> Result<Duration, String> {
         return Err(format!("`{text}` s is out of range; 1 to 10000000 s are allowed"));
     }
     Ok(Duration::from_secs_f64(seconds))
+}
+
+fn parse_pace(text: &str) -> Result<f64, String> {
+    let pace: f64 = text.parse().map_err(|_| format!("`{text}` is no number"))?;
+    if !(0.01..=1e6).contains(&pace) {
+        return Err(format!("`{text}` times real time is out of range; 0.01 to 1000000 are allowed"));
+    }
+    Ok(pace)
 }
 
 impl SimArgs {
@@ -119,7 +136,13 @@ impl SimArgs {
         if self.live {
             return super::live::run(self, out);
         }
-        let scenario = self.scenario(self.seed)?;
+        if self.watch {
+            watch::check()?;
+        }
+        let mut scenario = self.scenario(self.seed)?;
+        if self.watch {
+            scenario.shown_every = watch::shown_every(self.pace);
+        }
         let seed = self.seed.unwrap_or(scenario.sim().seed);
         let target = self.out.clone().unwrap_or_else(|| default_folder(&scenario, seed));
         let stop = Stop::listen();
@@ -135,26 +158,13 @@ impl SimArgs {
     /// A file cannot be written, or the mission failed.
     pub(super) fn publish(
         &self,
-        mut folder: OutputFolder,
+        folder: OutputFolder,
         scenario: &Scenario,
         outcome: &Outcome,
-        (seed, wall): (u64, Duration),
+        took: (u64, Duration),
         out: &mut dyn Write,
     ) -> Result<(), CliError> {
-        write_data(&mut folder, scenario, outcome)?;
-        if !self.no_pictures {
-            write_pictures(&mut folder, scenario, outcome)?;
-        }
-        let report = Report::new(scenario, outcome, seed, wall);
-        report.write(&mut folder)?;
-        let target = folder.publish()?;
-        let kinds = if self.no_pictures { "data" } else { "pictures and data" };
-        let text = format!("{}written: {} ({kinds})\n", report.text(), target.display());
-        let written = out.write_all(text.as_bytes()).and_then(|()| out.flush());
-        written.map_err(|source| CliError::Write { path: "standard output".into(), source })?;
-        let collisions = outcome.collisions.len();
-        let broken = why_failed(outcome.failure.as_deref(), collisions, outcome.fence_breaches);
-        broken.map_or(Ok(()), |reason| Err(CliError::Mission(reason)))
+        publish(folder, scenario, outcome, !self.no_pictures, took, out)
     }
 
     #[cfg(not(feature = "net"))]
@@ -165,7 +175,7 @@ impl SimArgs {
         stop: &Stop,
         started: Instant,
     ) -> Result<Outcome, CliError> {
-        watched(stop, started, |watch| scenario.run(watch))
+        watched(stop, started, self.watching(scenario), |watch| scenario.run(watch))
     }
 
     /// Runs the scenario, and records it when that is asked for.
@@ -178,19 +188,21 @@ impl SimArgs {
         started: Instant,
     ) -> Result<Outcome, CliError> {
         if !self.record {
-            return watched(stop, started, |watch| scenario.run(watch));
+            return watched(stop, started, self.watching(scenario), |watch| scenario.run(watch));
         }
-        let settings = match &self.config {
-            Some(path) => super::read::text(path)?,
-            None => bundled::load(bundled::COURTYARD).unwrap_or_default(),
-        };
+        let settings = load::text(self.config.as_deref())?;
         let flights = RefCell::new(Flights::new(folder.recordings()?, settings, scenario.sim()));
-        let outcome = watched(stop, started, |watch| {
-            let mut watch = |status: &Status| watch(status) && !flights.borrow().is_in_trouble();
+        let outcome = watched(stop, started, self.watching(scenario), |watch| {
+            let mut watch = |shown: &Shown<'_>| watch(shown) && !flights.borrow().is_in_trouble();
             scenario.run_recorded(&mut watch, SEGMENT, &mut |entry| flights.borrow_mut().take(&entry))
         })?;
         flights.into_inner().end()?;
         Ok(outcome)
+    }
+
+    /// Begins to draw the run, when that is asked for.
+    fn watching<'a>(&self, scenario: &'a Scenario) -> Option<Watching<'a>> {
+        self.watch.then(|| Watching::begin(&scenario.sim().venue, self.pace))
     }
 
     /// Loads the files and makes the scenario of a seed.
@@ -215,6 +227,34 @@ impl SimArgs {
         }
         Ok(loaded)
     }
+}
+
+/// Writes everything that a run leaves behind, and says how it went.
+///
+/// # Errors
+/// A file cannot be written, or the mission failed.
+pub(super) fn publish(
+    mut folder: OutputFolder,
+    scenario: &Scenario,
+    outcome: &Outcome,
+    with_pictures: bool,
+    (seed, wall): (u64, Duration),
+    out: &mut dyn Write,
+) -> Result<(), CliError> {
+    write_data(&mut folder, scenario, outcome)?;
+    if with_pictures {
+        write_pictures(&mut folder, scenario, outcome)?;
+    }
+    let report = Report::new(scenario, outcome, seed, wall);
+    report.write(&mut folder)?;
+    let target = folder.publish()?;
+    let kinds = if with_pictures { "pictures and data" } else { "data" };
+    let text = format!("{}written: {} ({kinds})\n", report.text(), target.display());
+    let written = out.write_all(text.as_bytes()).and_then(|()| out.flush());
+    written.map_err(|source| CliError::Write { path: "standard output".into(), source })?;
+    let collisions = outcome.collisions.len();
+    let broken = why_failed(outcome.failure.as_deref(), collisions, outcome.fence_breaches);
+    broken.map_or(Ok(()), |reason| Err(CliError::Mission(reason)))
 }
 
 /// Says why a mission failed: it did not end, or a contract was broken on the way. `None` when all is well.
@@ -243,18 +283,28 @@ pub(super) fn started() -> Instant {
     Instant::now()
 }
 
-/// Runs with a progress line, until it is asked to stop.
-fn watched(
+/// Runs with a progress line, or drawn, until it is asked to stop.
+///
+/// # Errors
+/// The scenario is impossible, or the program is at fault.
+pub(super) fn watched(
     stop: &Stop,
     started: Instant,
-    run: impl FnOnce(&mut dyn FnMut(&Status) -> bool) -> Result<Outcome, RunError>,
+    mut watching: Option<Watching<'_>>,
+    run: impl FnOnce(&mut dyn FnMut(&Shown<'_>) -> bool) -> Result<Outcome, RunError>,
 ) -> Result<Outcome, CliError> {
-    let bar = progress_bar();
+    let bar = if watching.is_some() { ProgressBar::hidden() } else { progress_bar() };
     let mut is_stopped = false;
-    let mut watch = |status: &Status| {
-        bar.set_length(status.laps.max(1) as u64);
-        bar.set_position(status.laps_done as u64);
-        bar.set_message(line(status, started.elapsed()));
+    let mut watch = |shown: &Shown<'_>| {
+        let status = &shown.status;
+        match &mut watching {
+            Some(watching) => watching.show(shown, stop),
+            None => {
+                bar.set_length(status.laps.max(1) as u64);
+                bar.set_position(status.laps_done as u64);
+                bar.set_message(line(status, started.elapsed()));
+            }
+        }
         is_stopped = stop.is_asked();
         !is_stopped
     };
@@ -263,6 +313,7 @@ fn watched(
         RunError::Fault(fault) => CliError::Fault(fault.to_string()),
     })?;
     bar.finish_and_clear();
+    drop(watching);
     if is_stopped {
         outcome.finished = false;
         outcome.failure =
@@ -278,6 +329,11 @@ fn progress_bar() -> ProgressBar {
     let style = ProgressStyle::with_template("{spinner} {bar:30} lap {pos}/{len}  {msg}")
         .unwrap_or_else(|_| ProgressStyle::default_bar());
     ProgressBar::no_length().with_style(style)
+}
+
+/// How a run gets on, for who watches it: the lap as well.
+pub(super) fn progress(status: &Status, wall: Duration) -> String {
+    format!("lap {}/{}  {}", status.laps_done, status.laps.max(1), line(status, wall).trim_start())
 }
 
 fn line(status: &Status, wall: Duration) -> String {

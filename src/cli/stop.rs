@@ -37,6 +37,7 @@ impl Stop {
         // Where no handler can be set a request ends the program at once; the next run then cleans up.
         let _ = ctrlc::set_handler(move || {
             if flag.swap(true, Ordering::Relaxed) {
+                super::screen::give_back_at_once();
                 std::process::exit(ENDED_AT_ONCE);
             }
             ask();

@@ -12,7 +12,7 @@ use super::error::CliError;
 use super::sim::SimArgs;
 use super::stop::Stop;
 use crate::config::Expect;
-use crate::sim::{Outcome, Status};
+use crate::sim::{Outcome, Shown};
 
 /// Persons count as found within this distance, metres.
 const FOUND_WITHIN_M: f64 = 1.0;
@@ -207,7 +207,7 @@ fn work(
 fn run_one(args: &SimArgs, seed: u64, stop: &Stop) -> Result<Option<Trial>, CliError> {
     let scenario = args.scenario(Some(seed))?;
     let mut is_stopped = false;
-    let mut watch = |_: &Status| {
+    let mut watch = |_: &Shown<'_>| {
         is_stopped = stop.is_asked();
         !is_stopped
     };

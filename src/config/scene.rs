@@ -27,6 +27,13 @@ pub struct Material {
     pub db_per_m: f64,
     /// Attenuation of each crossing of the surface, dB; for open sheets, which have no inside.
     pub db_per_crossing: f64,
+    /// Red, green and blue in pictures; `None`: one that is not taken yet.
+    pub colour: Option<[u8; 3]>,
+}
+
+impl Material {
+    const NONE: Material = Material { db_per_m: 0.0, db_per_crossing: 0.0, colour: None };
+    const SOLID: Material = Material { db_per_m: 10.0, ..Material::NONE };
 }
 
 /// An upright cylinder that stands for a person; not part of an empty sweep.
@@ -66,7 +73,7 @@ pub struct RandomPersons {
 /// The footprint of an upright body.
 #[derive(Clone, PartialEq, Debug)]
 pub enum Outline {
-    /// A simple polygon, local frame.
+    /// A simple polygon, convex or not, local frame.
     Polygon(Polygon),
     /// A circle, local frame.
     Circle {
@@ -116,6 +123,21 @@ pub struct SceneFile {
 }
 
 impl SceneFile {
+    /// Gives the scene that a file of shapes alone makes, all else being left out.
+    pub fn of_shapes(up: Up) -> SceneFile {
+        SceneFile {
+            name: "scene".to_owned(),
+            wrl: None,
+            up,
+            offset_m: [0.0; 3],
+            materials: BTreeMap::new(),
+            default_material: Material::SOLID,
+            persons: Vec::new(),
+            objects: Vec::new(),
+            random_persons: None,
+        }
+    }
+
     /// Reads a scene; what is wrong is noted at the source.
     pub(super) fn read(root: &Section) -> SceneFile {
         let wrl = root.text("wrl").map(|path| super::beside(root.source.file(), &path));
@@ -140,18 +162,32 @@ fn material_of(section: &Section, default: Material) -> Material {
     Material {
         db_per_m: section.number("db_per_m", default.db_per_m, 0.0..=MOST_DB),
         db_per_crossing: section.number("db_per_crossing", default.db_per_crossing, 0.0..=MOST_DB),
+        colour: read_colour(section),
     }
 }
 
+/// Reads a colour as `#rrggbb`.
+fn read_colour(section: &Section) -> Option<[u8; 3]> {
+    let text = section.text("colour")?;
+    let digits = text.strip_prefix('#').filter(|digits| digits.len() == 6);
+    let is_plain = |digits: &&str| digits.bytes().all(|digit| digit.is_ascii_hexdigit());
+    let Some(number) = digits.filter(is_plain).and_then(|digits| u32::from_str_radix(digits, 16).ok()) else {
+        section.refuse("colour", "is no colour", "red, green and blue such as \"#8a5a2b\" are needed");
+        return None;
+    };
+    let [_, red, green, blue] = number.to_be_bytes();
+    Some([red, green, blue])
+}
+
 fn read_material((name, section): (String, Section)) -> (String, Material) {
-    let material = material_of(&section, Material { db_per_m: 0.0, db_per_crossing: 0.0 });
+    let material = material_of(&section, Material::NONE);
     section.finish();
     (name, material)
 }
 
 fn read_default_material(root: &Section) -> Material {
     let section = root.section("default_material");
-    let material = material_of(&section, Material { db_per_m: 10.0, db_per_crossing: 0.0 });
+    let material = material_of(&section, Material::SOLID);
     section.finish();
     material
 }
@@ -192,7 +228,7 @@ fn read_objects(root: &Section) -> Vec<Object> {
             outline: read_outline(&section),
             bottom_m: section.number("bottom_m", 0.0, -10.0..=500.0),
             top_m: section.number("top_m", 2.5, -10.0..=500.0),
-            material: material_of(&section, Material { db_per_m: 10.0, db_per_crossing: 0.0 }),
+            material: material_of(&section, Material::SOLID),
         };
         if object.top_m <= object.bottom_m {
             section.refuse("top_m", "is not above bottom_m", "a body needs a height");
@@ -216,12 +252,8 @@ fn read_outline(section: &Section) -> Outline {
     if corners.is_empty() {
         return Outline::Polygon(Polygon::new(corners));
     }
-    let convex = simple_polygon(corners).and_then(|polygon| {
-        if polygon.is_convex() { Ok(polygon) } else { Err("the outline is not convex".to_owned()) }
-    });
-    Outline::Polygon(convex.unwrap_or_else(|wrong| {
-        let allowed = "corners in order around a convex outline are needed; other shapes are several objects";
-        section.refuse("outline_m", &wrong, allowed);
+    Outline::Polygon(simple_polygon(corners).unwrap_or_else(|wrong| {
+        section.refuse("outline_m", &wrong, "corners in order around a simple outline are needed");
         Polygon::new(Vec::new())
     }))
 }

@@ -117,7 +117,7 @@ fn read_places(section: &Section, venue: Option<&Venue>, loader: &mut Loader) ->
     if section.has("waypoints_m") {
         section.refuse("waypoints_m", "is given beside a file", "one of waypoints_m and file is allowed");
     }
-    let path = beside(section.source.file(), &name);
+    let path = beside(&section.source.file_of(&section.full("file")), &name);
     let text = match loader(&path) {
         Ok(text) => text,
         Err(reason) => {

@@ -1,7 +1,8 @@
 //! Pictures as pure values: rasters with axes, colour bar and legend, encoded as PNG.
 //!
-//! Two pictures exist: [`HeatMap`] (an image in dB/m) through [`Picture::heat`], and [`OccupancyMap`] (free, unknown,
-//! occupied cells) through [`Picture::occupancy`]. Both show metres at one scale along both axes, y up, with
+//! Plots are [`HeatMap`] (an image in dB/m) through [`Picture::heat`], [`OccupancyMap`] (free, unknown, occupied cells)
+//! through [`Picture::occupancy`] and [`FloorPlan`] (outlines by material) through [`Picture::floor`]; a view whose
+//! pixels are given becomes a picture by [`Picture::photo`]. Plots show metres at one scale along both axes, y up, with
 //! [`Overlay`]s and a legend that names what is used, so that the picture explains itself.
 //!
 //! Deliberately absent: files, fonts from outside, knowledge of maps, vehicles and solvers. Equal specifications give
@@ -10,6 +11,7 @@
 mod axes;
 mod bar;
 mod colour;
+mod floor;
 mod heat;
 mod label;
 mod layout;
@@ -17,6 +19,7 @@ mod legend;
 mod occupancy;
 mod overlay;
 mod paint;
+mod photo;
 mod raster;
 mod stroke;
 mod text;
@@ -29,9 +32,11 @@ use thiserror::Error;
 
 use crate::geom::Point;
 
+pub use floor::{FloorPlan, FloorShape};
 pub use heat::HeatMap;
 pub use occupancy::{CellState, OccupancyMap};
 pub use overlay::Overlay;
+pub use photo::COLOURS;
 pub use raster::Picture;
 
 /// Where a picture, margins and all, lies in the plane that it shows.

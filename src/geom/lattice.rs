@@ -38,9 +38,13 @@ impl Lattice {
         self.cell_m
     }
 
-    /// Gives the cell that holds a point (floor, so cells left of the datum are negative).
+    /// Gives the cell that holds a point (floor, so cells left of the datum are negative). What is too far away, or no
+    /// number, is in a cell at the very edge, far outside any map.
     pub fn cell_at(self, point: Point) -> Cell {
-        let index = |metres: f64| libm::floor(metres / self.cell_m) as i32;
+        let index = |metres: f64| {
+            let index = libm::floor(metres / self.cell_m);
+            if index.is_nan() { i32::MIN } else { index as i32 }
+        };
         Cell::new(index(point.x_m), index(point.y_m))
     }
 
@@ -65,7 +69,8 @@ impl Lattice {
             .filter(move |cell| along.distance_to_point(self.centre(*cell)) <= radius_m)
     }
 
-    /// Gives the cells that a segment passes through, in order, each once (Amanatides and Woo 1987).
+    /// Gives the cells that a segment passes through, in order, each once (Amanatides and Woo 1987); none when an end is
+    /// not finite.
     pub fn cells_under(self, along: Segment) -> CellsUnder {
         CellsUnder::new(self, along)
     }
@@ -98,7 +103,7 @@ impl CellsUnder {
         let (step_x, border_x, pitch_x) = axis(along.from.x_m, vector.x_m, first.x);
         let (step_y, border_y, pitch_y) = axis(along.from.y_m, vector.y_m, first.y);
         CellsUnder {
-            next: Some(first),
+            next: (along.from.is_finite() && along.to.is_finite()).then_some(first),
             last,
             step: (step_x, step_y),
             border: (border_x, border_y),
@@ -140,6 +145,17 @@ mod tests {
         let lattice = Lattice::new(0.2);
         assert_eq!(lattice.cell_at(Point::new(-0.01, 0.39)), Cell::new(-1, 1));
         assert_eq!(lattice.cell_at(lattice.centre(Cell::new(-7, 12))), Cell::new(-7, 12));
+    }
+
+    #[test]
+    fn what_is_no_place_is_not_filed_under_the_first_cell() {
+        let lattice = Lattice::new(0.2);
+        let edge = Cell::new(i32::MIN, i32::MIN);
+        assert_eq!(lattice.cell_at(Point::new(f64::NAN, f64::NEG_INFINITY)), edge);
+        assert_eq!(lattice.cell_at(Point::new(1e300, 0.1)), Cell::new(i32::MAX, 0));
+        let nowhere = Segment::new(Point::default(), Point::new(f64::NAN, 1.0));
+        assert_eq!(lattice.cells_under(nowhere).count(), 0);
+        assert_eq!(lattice.corner(Cell::new(-5, 10)), Point::new(-1.0, 2.0));
     }
 
     proptest! {

@@ -7,7 +7,8 @@
 //!   holds all of it, or by the inner half of a cone, so that a beam passing beside a wall's end does not wear it away.
 //! - **Hit** are cells on the arc at the echo's distance. Something on the arc answered, not everything: so the
 //!   more cells it has the less each is hit (walls are hit again from elsewhere, the rest is freed), and cells that looked free are spared when others of the arc explain the echo better.
-//! - Echoes from near a peer are not mapped. The place where the vehicle itself stands is free.
+//! - Echoes from near a peer are not mapped. The disc of the vehicle itself is free, and the cell that its middle
+//!   is in.
 //!
 //! Not here: glitch filtering (the sensor's business), the reflex stop (the vehicle's).
 
@@ -186,7 +187,8 @@ impl Mapper {
         let index = index_in_tile(cell);
         let old = own.map_or(0, |tile| tile.cells[index]);
         let from_body = centre - body.at;
-        let inside = from_body.dot(from_body) <= body.radius_m * body.radius_m;
+        let is_under = cone.lattice.cell_at(body.at) == cell;
+        let inside = is_under || from_body.dot(from_body) <= body.radius_m * body.radius_m;
         match if inside { Said::Free } else { cone.says(cell, centre - cone.origin, old) } {
             Said::Nothing => {}
             Said::Free => {

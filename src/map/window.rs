@@ -59,6 +59,21 @@ impl CellRect {
         }
     }
 
+    /// Gives what both have in common.
+    pub fn overlap(self, other: CellRect) -> Option<CellRect> {
+        let low = Cell::new(self.low.x.max(other.low.x), self.low.y.max(other.low.y));
+        let high = Cell::new(self.high.x.min(other.high.x), self.high.y.min(other.high.y));
+        (low.x <= high.x && low.y <= high.y).then_some(CellRect { low, high })
+    }
+
+    /// Gives the rectangle widened by so many cells on every side.
+    pub fn grown(self, cells: i32) -> CellRect {
+        CellRect {
+            low: Cell::new(self.low.x.saturating_sub(cells), self.low.y.saturating_sub(cells)),
+            high: Cell::new(self.high.x.saturating_add(cells), self.high.y.saturating_add(cells)),
+        }
+    }
+
     /// Gives the tile columns and rows that touch the rectangle and lie within the map's reach.
     pub(super) fn tiles(self) -> (std::ops::Range<i32>, std::ops::Range<i32>) {
         let range = |low: i32, high: i32| {
@@ -116,6 +131,17 @@ mod tests {
         assert_eq!((rect.low, rect.high), (Cell::new(-5, -8), Cell::new(7, 12)));
         assert_eq!((rect.width_cells(), rect.height_cells()), (13, 21));
         assert_eq!(CellRect::around(lattice, &[], 0.5), None);
+    }
+
+    #[test]
+    fn rectangles_overlap_in_what_both_hold() {
+        let rect = CellRect::new(Cell::new(0, 0), Cell::new(9, 9));
+        let shared = rect.overlap(CellRect::new(Cell::new(9, -4), Cell::new(20, 3)));
+        assert_eq!(shared, Some(CellRect::new(Cell::new(9, 0), Cell::new(9, 3))));
+        assert_eq!(rect.overlap(CellRect::new(Cell::new(10, 0), Cell::new(20, 3))), None);
+        assert_eq!(rect.grown(2), CellRect::new(Cell::new(-2, -2), Cell::new(11, 11)));
+        let all = CellRect::new(Cell::new(i32::MIN, i32::MIN), Cell::new(i32::MAX, i32::MAX));
+        assert_eq!(all.grown(5), all);
     }
 
     #[test]

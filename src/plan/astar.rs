@@ -1,28 +1,25 @@
 //! The shortest way over a grid: A* with the octile distance (Hart, Nilsson and Raphael 1968).
 //!
 //! Costs are whole numbers (2³² = one cell), so that sums are exact, ties are real ties, and the result is the same
-//! on every machine. The heuristic is consistent, so a cell is expanded once and the cost is the least.
-//! Turning costs nothing here.
+//! on every machine. The queue is one of buckets, which are not sorted inside: a cell may be expanded again when a
+//! cheaper way to it turns up within its bucket, and the search ends only when nothing cheaper than the way found is
+//! left. Ways that also pay for turning are searched in [`super::turning`].
 
-use std::cmp::Reverse;
-use std::collections::BinaryHeap;
+use std::f64::consts::{PI, SQRT_2};
 
 use thiserror::Error;
 
 use super::Grid;
-use crate::geom::Cell;
-use crate::map::CellRect;
+use super::buckets::Buckets;
+use super::steps::{
+    Choices, DIAGONAL, HIGHEST_LEVEL, NO_STEP, STEPS, STRAIGHT, least_cost, price, steps_to_look_at,
+};
+use super::terrain::{Escape, Terrain};
+use super::turning;
+use crate::geom::{Angle, Cell};
 
-/// Cost of a step to one of the four nearest neighbours.
-pub(super) const STRAIGHT: u64 = 1 << 32;
-/// Cost of a diagonal step: √2 · 2³², rounded.
-const DIAGONAL: u64 = 6_074_001_000;
-/// In cells too near to something, where only leaving is allowed, a step costs this many times as much.
-const ESCAPE_FACTOR: u64 = 4;
-pub(super) const UNSEEN: u64 = u64::MAX;
-const NO_STEP: u8 = 8;
-/// The eight steps: first the straight ones, then the diagonals.
-const STEPS: [(i32, i32); 8] = [(1, 0), (0, 1), (-1, 0), (0, -1), (1, 1), (-1, 1), (-1, -1), (1, -1)];
+/// Width of a bucket: 1/64 of a cell.
+const BUCKET: u64 = STRAIGHT / 64;
 
 /// How one may drive over a grid.
 #[derive(Clone, Copy, PartialEq, Debug)]
@@ -34,12 +31,23 @@ pub struct Rules {
     /// A start too near to something may be left through cells that are too near as well, up to this far from it,
     /// metres; 0 = refused.
     pub escape_m: f64,
+    /// What turning costs; `None`: nothing.
+    pub turning: Option<Turning>,
 }
 
 impl Default for Rules {
     fn default() -> Rules {
-        Rules { diagonal: true, cut_corners: false, escape_m: 0.0 }
+        Rules { diagonal: true, cut_corners: false, escape_m: 0.0, turning: None }
     }
+}
+
+/// What turning costs, beside the length of the way. It makes a search several times dearer.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub struct Turning {
+    /// Cost of a turn, metres of way per radian: from 0 to 64 cells; more counts as 64, less or not a number as 0.
+    pub cost_m_per_rad: f64,
+    /// Where the vehicle heads at the start; `None`: the first step costs no turn. At the goal any heading will do.
+    pub heading: Option<Angle>,
 }
 
 /// Why there is no route.
@@ -63,6 +71,14 @@ pub enum NoRoute {
         /// How many cells were searched.
         searched: usize,
     },
+    /// Headings are searched on smaller grids only.
+    #[error("{cells} cells are too many to search with headings, at most {most} are allowed")]
+    TooLargeToTurn {
+        /// How many cells the grid has.
+        cells: usize,
+        /// How many it may have.
+        most: usize,
+    },
 }
 
 /// A shortest way over cells.
@@ -72,209 +88,265 @@ pub struct Found {
     pub cells: Vec<Cell>,
     /// Length, in sides of a cell (steps of 1 and √2).
     pub length_cells: f64,
-    /// How many cells were expanded.
+    /// All turns together, radians; with a given heading also the one before the first step.
+    pub turned_rad: f64,
+    /// What was made least, in sides of a cell: length, times more where the grid or an escape makes it dearer, and
+    /// the price of the turns.
+    pub cost_cells: f64,
+    /// How many cells were expanded (with headings: cells and headings).
     pub expanded: usize,
 }
 
-/// An entry of the queue: least estimate first, then the one farthest on its way, then the lowest cell.
-#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-struct Entry {
-    estimate: u64,
-    cost: Reverse<u64>,
-    index: usize,
-}
-
-/// Finds a shortest way between two cells. Of several the same one is always found.
+/// Finds a cheapest way between two cells. Of several the same one is always found.
 ///
 /// # Errors
 /// [`NoRoute`]; `Unreachable` is a proof, not a surrender.
 pub fn shortest_cells(grid: &Grid, start: Cell, goal: Cell, rules: &Rules) -> Result<Found, NoRoute> {
-    let start_index = grid.index(start).ok_or(NoRoute::StartOutside)?;
-    let goal_index = grid.index(goal).ok_or(NoRoute::GoalOutside)?;
-    let escape = escape_from(grid, start, start_index, rules)?;
-    if !grid.open(goal_index) {
-        return Err(NoRoute::GoalBarred);
+    let terrain = entered(grid, start, Some(goal), rules)?;
+    if let Some(turning) = rules.turning {
+        return turning::cheapest_cells(&terrain, start, goal, rules, turning, grid.lattice().cell_m());
     }
-    let mut search = Search::new(grid, rules, escape);
-    if search.run(start_index, Some(goal)) {
-        return Ok(search.found(goal_index));
+    shortest_over(&terrain, start, goal, rules)
+}
+
+/// Finds a cheapest way without the price of turns.
+pub(super) fn shortest_over(
+    terrain: &Terrain,
+    start: Cell,
+    goal: Cell,
+    rules: &Rules,
+) -> Result<Found, NoRoute> {
+    let mut search = Search::new(terrain, rules);
+    if search.run(terrain, start, Some(goal)) {
+        return Ok(search.found(terrain, terrain.place(goal), rules));
     }
     Err(NoRoute::Unreachable { searched: search.expanded })
 }
 
-/// Least costs from one cell to all others, and the steps that led there.
+/// Least costs from one cell to all others.
 #[derive(Clone, Debug)]
 pub(super) struct Flood {
-    /// Least cost of each cell; [`UNSEEN`] where none leads.
-    pub(super) costs: Vec<u64>,
-    /// The step that led to each cell, as an index of [`STEPS`]; [`NO_STEP`] for the start.
-    pub(super) came_by: Vec<u8>,
+    terrain: Terrain,
+    nodes: Vec<Node>,
     /// How many cells were reached.
     pub(super) reached: usize,
 }
 
-/// Finds the least costs from one cell to all others (Dijkstra 1959).
+/// Finds the least costs from one cell to all others (Dijkstra 1959); turning costs nothing.
 pub(super) fn flood(grid: &Grid, start: Cell, rules: &Rules) -> Result<Flood, NoRoute> {
-    let start_index = grid.index(start).ok_or(NoRoute::StartOutside)?;
-    let escape = escape_from(grid, start, start_index, rules)?;
-    let mut search = Search::new(grid, rules, escape);
-    search.run(start_index, None);
-    Ok(Flood { costs: search.costs, came_by: search.came_by, reached: search.expanded })
+    let terrain = entered(grid, start, None, rules)?;
+    let mut search = Search::new(&terrain, rules);
+    search.run(&terrain, start, None);
+    let reached = search.nodes.iter().filter(|node| node.cost().is_some()).count();
+    Ok(Flood { nodes: search.nodes, terrain, reached })
 }
 
-/// Gives the escape that a start too near to something needs; refuses one that is barred.
-fn escape_from(grid: &Grid, start: Cell, index: usize, rules: &Rules) -> Result<Option<Escape>, NoRoute> {
-    let escaping = !grid.open(index);
-    if escaping && !(rules.escape_m > 0.0 && grid.only_near(index)) {
+impl Flood {
+    /// Gives the least cost of a way to a cell within the grid, in sides of a cell.
+    pub(super) fn cost_cells(&self, cell: Cell) -> Option<f64> {
+        let cost = self.nodes[self.terrain.place(cell)].cost()?;
+        Some(cost as f64 / STRAIGHT as f64)
+    }
+
+    /// Gives a way of that cost, both ends included.
+    pub(super) fn cells_to(&self, goal: Cell) -> Option<Vec<Cell>> {
+        let place = self.terrain.place(goal);
+        self.nodes[place].cost()?;
+        Some(walk_back(&self.terrain, &self.nodes, place))
+    }
+}
+
+/// Finds the least costs from all cells to one.
+pub(super) fn flood_back(terrain: &Terrain, goal: Cell, rules: &Rules) -> Vec<Node> {
+    let mut search = Search { backward: true, ..Search::new(terrain, rules) };
+    search.run(terrain, goal, None);
+    search.nodes
+}
+
+/// Checks the ends and reads the grid.
+fn entered(grid: &Grid, start: Cell, goal: Option<Cell>, rules: &Rules) -> Result<Terrain, NoRoute> {
+    let start_index = grid.index(start).ok_or(NoRoute::StartOutside)?;
+    let goal_index = goal.map(|goal| grid.index(goal).ok_or(NoRoute::GoalOutside)).transpose()?;
+    let escaping = !grid.open(start_index);
+    if escaping && !(rules.escape_m > 0.0 && grid.only_near(start_index)) {
         return Err(NoRoute::StartBarred);
     }
-    Ok(escaping.then(|| Escape { from: start, reach_cells: rules.escape_m / grid.lattice().cell_m() }))
+    if goal_index.is_some_and(|index| !grid.open(index)) {
+        return Err(NoRoute::GoalBarred);
+    }
+    let reach_cells = rules.escape_m / grid.lattice().cell_m();
+    Ok(Terrain::of_grid(grid, escaping.then_some(Escape { from: start, reach_cells })))
 }
 
-/// The cells around a start through which one may leave it, although they are too near to something.
-#[derive(Clone, Copy)]
-struct Escape {
-    from: Cell,
-    reach_cells: f64,
+/// What is known of a cell: the least cost so far (upper 59 bits), whether it was expanded with it, and one more than
+/// the step that led there. Zero = not reached yet, so that fresh memory need not be written.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Node(u64);
+
+const EXPANDED: u64 = 16;
+
+impl Node {
+    #[inline]
+    fn reached(cost: u64, step: usize) -> Node {
+        Node(cost << 5 | (step as u64 + 1))
+    }
+
+    /// Gives the least cost so far; greater than any where none is known.
+    #[inline]
+    pub(super) fn bound(self) -> u64 {
+        self.0.wrapping_sub(1) >> 5
+    }
+
+    pub(super) fn cost(self) -> Option<u64> {
+        (self.0 != 0).then(|| self.bound())
+    }
+
+    #[inline]
+    fn came_by(self) -> usize {
+        ((self.0 & 15) as usize).wrapping_sub(1)
+    }
 }
 
-struct Search<'a> {
-    grid: &'a Grid,
-    rules: &'a Rules,
-    escape: Option<Escape>,
-    /// Least known cost of each cell.
-    costs: Vec<u64>,
-    /// The step that led to each cell, as an index of `STEPS`.
-    came_by: Vec<u8>,
-    queue: BinaryHeap<Reverse<Entry>>,
-    /// How many cells were expanded.
+struct Search {
+    nodes: Vec<Node>,
+    queue: Buckets,
+    /// What each step costs, by the level of the cell that it leads to.
+    prices: [[u64; HIGHEST_LEVEL as usize + 1]; 2],
+    offsets: [isize; 8],
+    choices: &'static Choices,
+    diagonal: bool,
+    /// Whether steps are searched against their direction, so that costs are those of ways to the start.
+    backward: bool,
     expanded: usize,
 }
 
-impl<'a> Search<'a> {
-    fn new(grid: &'a Grid, rules: &'a Rules, escape: Option<Escape>) -> Search<'a> {
-        let (width, height) = grid.size();
+impl Search {
+    fn new(terrain: &Terrain, rules: &Rules) -> Search {
+        let uniform = terrain.levels().is_none();
+        let most = price(1, if uniform { 0 } else { HIGHEST_LEVEL });
         Search {
-            grid,
-            rules,
-            escape,
-            costs: vec![UNSEEN; width * height],
-            came_by: vec![NO_STEP; width * height],
-            queue: BinaryHeap::new(),
+            nodes: vec![Node(0); terrain.len()],
+            // A step raises the estimate at most by its cost and by one step away from the goal.
+            queue: Buckets::new(most + DIAGONAL, BUCKET),
+            prices: [0, 1].map(|step| std::array::from_fn(|level| price(step, level as u8))),
+            offsets: terrain.offsets(),
+            choices: steps_to_look_at(rules, uniform),
+            diagonal: rules.diagonal,
+            backward: false,
             expanded: 0,
         }
     }
 
-    /// Searches until the goal is expanded, or all that can be reached; tells whether the goal was.
-    fn run(&mut self, start: usize, goal: Option<Cell>) -> bool {
-        self.costs[start] = 0;
-        self.queue.push(Reverse(Entry { estimate: 0, cost: Reverse(0), index: start }));
-        while let Some(Reverse(entry)) = self.queue.pop() {
-            if entry.cost.0 > self.costs[entry.index] {
+    /// Searches until nothing is left that could be cheaper than a way to the goal, or all that can be reached;
+    /// tells whether the goal was.
+    fn run(&mut self, terrain: &Terrain, start: Cell, goal: Option<Cell>) -> bool {
+        let start = terrain.place(start);
+        let goal_place = goal.map_or(usize::MAX, |goal| terrain.place(goal));
+        self.nodes[start] = Node::reached(0, NO_STEP);
+        self.queue.push(0, start as u32);
+        let mut best = u64::MAX;
+        while let Some(place) = self.queue.pop() {
+            let place = place as usize;
+            let node = self.nodes[place];
+            if node.0 & EXPANDED != 0 {
                 continue;
             }
-            if Some(self.grid.cell(entry.index)) == goal {
-                return true;
+            let cell = terrain.cell(place);
+            if place == goal_place {
+                best = node.bound();
             }
+            if best != u64::MAX && node.bound() + self.remaining(cell, goal) >= best {
+                continue;
+            }
+            self.nodes[place] = Node(node.0 | EXPANDED);
             self.expanded += 1;
-            self.expand(entry.index, entry.cost.0, goal);
+            self.expand(terrain, place, node, cell, goal);
         }
-        false
+        best != u64::MAX
     }
 
-    fn expand(&mut self, index: usize, cost: u64, goal: Option<Cell>) {
-        let cell = self.grid.cell(index);
-        let beside = |step: usize| {
-            let (dx, dy) = STEPS[step];
-            self.grid
-                .index(Cell::new(cell.x.saturating_add(dx), cell.y.saturating_add(dy)))
-                .filter(|to| self.enterable(*to))
-        };
-        let straight = [beside(0), beside(1), beside(2), beside(3)];
-        for (step, to) in straight.into_iter().enumerate() {
-            self.reach(to, step, cost, STRAIGHT, goal);
-        }
-        if !self.rules.diagonal {
-            return;
-        }
-        for step in 4..8 {
-            // The diagonal after straight step k lies between k and k + 1.
-            let sides_open = straight[step - 4].is_some() && straight[(step - 3) % 4].is_some();
-            if self.rules.cut_corners || sides_open {
+    #[inline]
+    fn expand(&mut self, terrain: &Terrain, place: usize, node: Node, cell: Cell, goal: Option<Cell>) {
+        let mut steps = self.choices[node.came_by()][usize::from(terrain.around(place))];
+        while steps != 0 {
+            let step = steps.trailing_zeros() as usize;
+            steps &= steps - 1;
+            let to = place.wrapping_add_signed(self.offsets[step]);
+            let entered = if self.backward { place } else { to };
+            let level = terrain.levels().map_or(0, |levels| levels[entered]);
+            let cost = node.bound() + self.prices[step & 1][usize::from(level)];
+            if cost < self.nodes[to].bound() {
+                self.nodes[to] = Node::reached(cost, step);
                 let (dx, dy) = STEPS[step];
-                let to = self
-                    .grid
-                    .index(Cell::new(cell.x.saturating_add(dx), cell.y.saturating_add(dy)))
-                    .filter(|to| self.enterable(*to));
-                self.reach(to, step, cost, DIAGONAL, goal);
+                let beside = Cell::new(cell.x + dx, cell.y + dy);
+                self.queue.push(cost + self.remaining(beside, goal), to as u32);
             }
         }
-    }
-
-    #[inline]
-    fn reach(&mut self, to: Option<usize>, step: usize, cost: u64, step_cost: u64, goal: Option<Cell>) {
-        let Some(to) = to else {
-            return;
-        };
-        let dear = self.escape.is_some() && !self.grid.open(to);
-        let new = cost + step_cost * if dear { ESCAPE_FACTOR } else { 1 };
-        if new < self.costs[to] {
-            self.costs[to] = new;
-            self.came_by[to] = step as u8;
-            let estimate = new + goal.map_or(0, |goal| self.remaining(self.grid.cell(to), goal));
-            self.queue.push(Reverse(Entry { estimate, cost: Reverse(new), index: to }));
-        }
-    }
-
-    #[inline]
-    fn enterable(&self, index: usize) -> bool {
-        self.grid.open(index)
-            || self
-                .escape
-                .is_some_and(|escape| self.grid.only_near(index) && escape.reaches(self.grid.cell(index)))
     }
 
     /// Gives the least cost that any way from a cell to the goal can have.
     #[inline]
-    fn remaining(&self, from: Cell, goal: Cell) -> u64 {
-        let (dx, dy) = (u64::from(from.x.abs_diff(goal.x)), u64::from(from.y.abs_diff(goal.y)));
-        if self.rules.diagonal {
-            STRAIGHT * dx.abs_diff(dy) + DIAGONAL * dx.min(dy)
-        } else {
-            STRAIGHT * (dx + dy)
-        }
+    fn remaining(&self, from: Cell, goal: Option<Cell>) -> u64 {
+        goal.map_or(0, |goal| least_cost(from.x.abs_diff(goal.x), from.y.abs_diff(goal.y), self.diagonal))
     }
 
-    fn found(&self, goal: usize) -> Found {
-        let (cells, diagonals) = walk_back(self.grid.area(), &self.came_by, goal);
-        let straights = cells.len() - 1 - diagonals;
-        let length_cells = straights as f64 + diagonals as f64 * std::f64::consts::SQRT_2;
-        Found { cells, length_cells, expanded: self.expanded }
+    fn found(&self, terrain: &Terrain, goal: usize, rules: &Rules) -> Found {
+        let cells = walk_back(terrain, &self.nodes, goal);
+        Found::of_cells(cells, self.nodes[goal].bound(), self.expanded, rules)
     }
 }
 
-/// Gives the way that led to a cell, from its start on, and how many of its steps are diagonal.
-pub(super) fn walk_back(area: CellRect, came_by: &[u8], goal: usize) -> (Vec<Cell>, usize) {
-    let width = area.width_cells() as usize;
-    let cell_of =
-        |index: usize| Cell::new(area.low.x + (index % width) as i32, area.low.y + (index / width) as i32);
-    let (mut cells, mut diagonals, mut index) = (vec![cell_of(goal)], 0, goal);
-    while came_by[index] != NO_STEP {
-        let step = usize::from(came_by[index]);
-        diagonals += usize::from(step >= 4);
-        let (dx, dy) = STEPS[step];
-        index = (index as i64 - i64::from(dy) * width as i64 - i64::from(dx)) as usize;
-        cells.push(cell_of(index));
+/// Gives the way that led to a place, from its start on.
+fn walk_back(terrain: &Terrain, nodes: &[Node], goal: usize) -> Vec<Cell> {
+    let (mut cells, mut place, offsets) = (vec![terrain.cell(goal)], goal, terrain.offsets());
+    while let Some(offset) = offsets.get(nodes[place].came_by()) {
+        place = place.wrapping_add_signed(-offset);
+        cells.push(terrain.cell(place));
     }
     cells.reverse();
-    (cells, diagonals)
+    cells
 }
 
-impl Escape {
-    fn reaches(self, cell: Cell) -> bool {
-        let (dx, dy) = (f64::from(cell.x - self.from.x), f64::from(cell.y - self.from.y));
-        dx * dx + dy * dy <= self.reach_cells * self.reach_cells
+impl Found {
+    /// Counts steps and turns of a way over cells.
+    pub(super) fn of_cells(cells: Vec<Cell>, cost: u64, expanded: usize, rules: &Rules) -> Found {
+        let (mut straights, mut diagonals, mut eighths, mut before, mut turned_rad) = (0, 0, 0, None, 0.0);
+        for pair in cells.windows(2) {
+            let step = step_between(pair[0], pair[1]);
+            if step.is_multiple_of(2) {
+                straights += 1
+            } else {
+                diagonals += 1
+            }
+            match before {
+                Some(before) => eighths += eighths_between(before, step),
+                None => turned_rad = rules.turning.map_or(0.0, |turning| turning.first_turn_rad(step)),
+            }
+            before = Some(step);
+        }
+        turned_rad += eighths as f64 * PI / 4.0;
+        let length_cells = f64::from(straights) + f64::from(diagonals) * SQRT_2;
+        let cost_cells = cost as f64 / STRAIGHT as f64;
+        Found { cells, length_cells, turned_rad, cost_cells, expanded }
     }
+}
+
+impl Turning {
+    /// Gives the turn before a first step, radians.
+    pub(super) fn first_turn_rad(&self, step: usize) -> f64 {
+        let direction = Angle::from_degrees(45.0 * step as f64);
+        self.heading.map_or(0.0, |heading| (direction - heading).radians().abs())
+    }
+}
+
+fn step_between(from: Cell, to: Cell) -> usize {
+    STEPS.iter().position(|(dx, dy)| (to.x - from.x, to.y - from.y) == (*dx, *dy)).unwrap_or(0)
+}
+
+/// Gives the turn between two directions, in eighths of a full one.
+fn eighths_between(a: usize, b: usize) -> usize {
+    let turn = (a + 8 - b) % 8;
+    turn.min(8 - turn)
 }
 
 #[cfg(test)]

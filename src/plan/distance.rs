@@ -4,7 +4,7 @@
 //! It is a picture of the grid it was made of: what changes later is not seen.
 
 use super::Grid;
-use super::astar::{Flood, NoRoute, Rules, STRAIGHT, UNSEEN, flood, walk_back};
+use super::astar::{Flood, NoRoute, Rules, flood};
 use super::smooth::{Route, route_along};
 use crate::geom::{Cell, Lattice, Point};
 use crate::map::CellRect;
@@ -30,14 +30,13 @@ impl Distances {
     /// Gives the least cost of a way to a cell, metres (length, and more where [`Rules`] make a step dearer);
     /// `None` where no way leads: that is a proof. Ways here are those that [`super::shortest_cells`] finds.
     pub fn cost_m(&self, cell: Cell) -> Option<f64> {
-        let cost = self.flood.costs[self.index(cell)?];
-        (cost != UNSEEN).then(|| cost as f64 / STRAIGHT as f64 * self.lattice.cell_m())
+        let cost_cells = self.area.contains(cell).then(|| self.flood.cost_cells(cell)).flatten()?;
+        Some(cost_cells * self.lattice.cell_m())
     }
 
     /// Gives a way of that cost, from the start to the cell, both included.
     pub fn cells_to(&self, goal: Cell) -> Option<Vec<Cell>> {
-        let index = self.index(goal)?;
-        (self.flood.costs[index] != UNSEEN).then(|| walk_back(self.area, &self.flood.came_by, index).0)
+        self.area.contains(goal).then(|| self.flood.cells_to(goal)).flatten()
     }
 
     /// Gives the straightened route to a point; `start` must lie in the start's cell and `grid` be the one that was
@@ -53,12 +52,6 @@ impl Distances {
     /// Gives how many cells can be reached, the start included.
     pub fn reached(&self) -> usize {
         self.flood.reached
-    }
-
-    fn index(&self, cell: Cell) -> Option<usize> {
-        let width = self.area.width_cells() as usize;
-        let (x, y) = (cell.x.abs_diff(self.area.low.x) as usize, cell.y.abs_diff(self.area.low.y) as usize);
-        self.area.contains(cell).then(|| y * width + x)
     }
 }
 

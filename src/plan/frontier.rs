@@ -28,7 +28,7 @@ pub enum FrontierError {
 }
 
 /// All frontiers within bounds.
-#[derive(Clone, PartialEq, Debug)]
+#[derive(Clone, Debug)]
 pub struct Frontiers {
     lattice: Lattice,
     slice: i16,
@@ -37,8 +37,8 @@ pub struct Frontiers {
     height: usize,
     /// Row-major, x fastest.
     flags: Vec<u8>,
-    /// The cluster that each frontier cell belongs to: its key in `clusters`.
-    owner: BTreeMap<usize, usize>,
+    /// The cluster that each frontier cell belongs to: its key in `clusters`; otherwise meaningless.
+    owner: Vec<u32>,
     /// The cells of each cluster, ascending; by its lowest cell.
     clusters: BTreeMap<usize, Vec<usize>>,
 }
@@ -92,16 +92,16 @@ impl Frontiers {
             let row = (bounds.low.x..=bounds.high.x).map(|x| lattice.centre(Cell::new(x, y)));
             flags.extend(row.map(|middle| if inside(middle) { INSIDE } else { 0 }));
         }
-        let (owner, clusters) = (BTreeMap::new(), BTreeMap::new());
-        Ok(Frontiers { lattice, slice, bounds, width, height, flags, owner, clusters })
+        let owner = vec![0; flags.len()];
+        Ok(Frontiers { lattice, slice, bounds, width, height, flags, owner, clusters: BTreeMap::new() })
     }
 
     /// Takes note of a change of the map: all cells that changed since the last update lie in `changed`.
     pub fn update(&mut self, map: &Merged, changed: CellRect) {
-        let Some(area) = self.within_bounds(changed, 1) else {
+        let Some(area) = changed.grown(1).overlap(self.bounds) else {
             return;
         };
-        let view = map.view(self.slice, grown(area, 1));
+        let view = map.view(self.slice, area.grown(1));
         let mut loose = BTreeSet::new();
         for y in area.low.y..=area.high.y {
             for x in area.low.x..=area.high.x {
@@ -118,12 +118,12 @@ impl Frontiers {
 
     /// Gives the number of frontier cells.
     pub fn len(&self) -> usize {
-        self.owner.len()
+        self.clusters.values().map(Vec::len).sum()
     }
 
     /// Tells whether there is no frontier: all that lies beside free ground is known.
     pub fn is_empty(&self) -> bool {
-        self.owner.is_empty()
+        self.clusters.is_empty()
     }
 
     /// Tells whether a cell is a frontier.
@@ -151,10 +151,10 @@ impl Frontiers {
             return;
         }
         if is_frontier {
-            self.flags[index] |= FRONTIER;
             for beside in self.around(index) {
                 self.dissolve(beside, loose);
             }
+            self.flags[index] |= FRONTIER;
             loose.insert(index);
         } else {
             self.dissolve(index, loose);
@@ -176,12 +176,10 @@ impl Frontiers {
             && beside.into_iter().any(unknown)
     }
 
-    /// Takes the cluster of a cell apart.
+    /// Takes the cluster of a frontier cell apart.
     fn dissolve(&mut self, index: usize, loose: &mut BTreeSet<usize>) {
-        let members = self.owner.get(&index).and_then(|key| self.clusters.remove(key));
-        for member in members.into_iter().flatten() {
-            self.owner.remove(&member);
-            loose.insert(member);
+        if self.flags[index] & FRONTIER != 0 && !loose.contains(&index) {
+            loose.extend(self.clusters.remove(&(self.owner[index] as usize)).into_iter().flatten());
         }
     }
 
@@ -195,7 +193,7 @@ impl Frontiers {
                 next += 1;
             }
             members.sort_unstable();
-            self.owner.extend(members.iter().map(|member| (*member, first)));
+            members.iter().for_each(|member| self.owner[*member] = first as u32);
             self.clusters.insert(first, members);
         }
     }
@@ -221,14 +219,6 @@ impl Frontiers {
         Cluster { cells, centroid: Point::new(x_m / count, y_m / count) }
     }
 
-    /// Gives the part of a rectangle, grown by some cells, that lies within the bounds.
-    fn within_bounds(&self, rect: CellRect, grow_cells: i32) -> Option<CellRect> {
-        let (grown, bounds) = (grown(rect, grow_cells), self.bounds);
-        let low = Cell::new(grown.low.x.max(bounds.low.x), grown.low.y.max(bounds.low.y));
-        let high = Cell::new(grown.high.x.min(bounds.high.x), grown.high.y.min(bounds.high.y));
-        (low.x <= high.x && low.y <= high.y).then_some(CellRect { low, high })
-    }
-
     fn index(&self, cell: Cell) -> Option<usize> {
         let (x, y) =
             (cell.x.abs_diff(self.bounds.low.x) as usize, cell.y.abs_diff(self.bounds.low.y) as usize);
@@ -238,13 +228,6 @@ impl Frontiers {
     fn cell(&self, index: usize) -> Cell {
         let (x, y) = ((index % self.width) as i32, (index / self.width) as i32);
         Cell::new(self.bounds.low.x + x, self.bounds.low.y + y)
-    }
-}
-
-fn grown(rect: CellRect, cells: i32) -> CellRect {
-    CellRect {
-        low: Cell::new(rect.low.x.saturating_sub(cells), rect.low.y.saturating_sub(cells)),
-        high: Cell::new(rect.high.x.saturating_add(cells), rect.high.y.saturating_add(cells)),
     }
 }
 

@@ -5,8 +5,10 @@
 
 use thiserror::Error;
 
+use super::Clearance;
+use super::steps::{HIGHEST_LEVEL, LEVELS_PER_PRICE};
 use super::swath::rows_within;
-use crate::geom::{Cell, Lattice, Point, Segment};
+use crate::geom::{Cell, Lattice, Point, Polygon, Segment};
 use crate::map::{CellRect, Occupancy, View};
 
 /// A grid has at most this many cells (a search takes about 20 bytes for each).
@@ -54,6 +56,8 @@ pub struct Grid {
     half_width_m: f64,
     /// Row-major, x fastest.
     flags: Vec<u8>,
+    /// How dear each cell is, as a level of [`super::steps::price`]; `None`: all are alike.
+    levels: Option<Vec<u8>>,
 }
 
 impl Grid {
@@ -106,9 +110,59 @@ impl Grid {
             flags.extend((area.low.x..=area.high.x).map(|x| if solid(Cell::new(x, y)) { SOLID } else { 0 }));
         }
         let half_width_m = (square(clearance_m) - square(lattice.cell_m()) / 2.0).max(0.0).sqrt();
-        let mut grid = Grid { lattice, area, width, height, half_width_m, flags };
+        let mut grid = Grid { lattice, area, width, height, half_width_m, flags, levels: None };
         grid.inflate(clearance_m / lattice.cell_m());
         Ok(grid)
+    }
+
+    /// Makes a grid from distances that are kept, for a vehicle that sweeps `half_width_m`: the same as
+    /// [`Grid::of_map`] where the map is known, but obstacles just outside the rectangle count too, and what lies
+    /// outside the bounds of the distances is closed. It takes less time, since nothing is inflated.
+    ///
+    /// # Errors
+    /// [`GridError`] when the rectangle is too large or the distances do not reach as far as the half-width needs.
+    pub fn of_clearance(clearance: &Clearance, area: CellRect, half_width_m: f64) -> Result<Grid, GridError> {
+        let lattice = clearance.lattice();
+        let clearance_m = swept_clearance_m(half_width_m, lattice);
+        let clearance_cells = clearance_m / lattice.cell_m();
+        let mut grid = Grid::of_cells(lattice, area, 0.0, |_| false)?;
+        if !(0.0..=f64::from(clearance.reach_cells())).contains(&clearance_cells) {
+            return Err(GridError::Clearance { clearance_m });
+        }
+        grid.half_width_m = half_width_m;
+        let near2 = square(clearance_cells) * (1.0 - 1e-12);
+        // The least whole square that is not too near.
+        let apart = libm::ceil(near2).max(1.0) as u16;
+        for (y, flags) in (area.low.y..=area.high.y).zip(grid.flags.chunks_exact_mut(grid.width)) {
+            clearance.read_row(area.low.x, y, flags, |square| match square {
+                None => CLOSED,
+                Some(0) => SOLID | NEAR,
+                Some(square) if square < apart => NEAR,
+                Some(_) => 0,
+            });
+        }
+        Ok(grid)
+    }
+
+    /// Makes the cells nearer than `wished_m` to something dearer: a step into a cell at distance d costs
+    /// 1 + `extra` · (1 − d / `wished_m`) times as much, rounded to eighths; `extra` is at most 3, and the wish counts
+    /// as far as the distances reach. Ways then keep their distance where that costs little.
+    pub fn prefer_clearance(&mut self, clearance: &Clearance, wished_m: f64, extra: f64) {
+        let wished_cells = (wished_m / clearance.lattice().cell_m()).min(f64::from(clearance.reach_cells()));
+        if !(wished_cells > 0.0 && extra > 0.0) {
+            self.levels = None;
+            return;
+        }
+        let by_square: Vec<u8> = (0..=square(wished_cells) as u32)
+            .map(|square| level_of(1.0 + extra * (1.0 - f64::from(square).sqrt() / wished_cells).max(0.0)))
+            .collect();
+        let mut levels = vec![0; self.flags.len()];
+        for (y, line) in (self.area.low.y..=self.area.high.y).zip(levels.chunks_exact_mut(self.width)) {
+            clearance.read_row(self.area.low.x, y, line, |square| {
+                square.and_then(|square| by_square.get(usize::from(square)).copied()).unwrap_or(0)
+            });
+        }
+        self.levels = Some(levels);
     }
 
     /// Gives the lattice of the cells.
@@ -137,6 +191,36 @@ impl Grid {
         }
     }
 
+    /// Closes all cells in which a disc around the middle is not wholly inside a polygon, e.g. the fence: the same as
+    /// [`Grid::close_where`] with [`Polygon::contains_disc`], but it looks closely only along the edges.
+    pub fn close_outside(&mut self, fence: &Polygon, radius_m: f64) {
+        // Between neighbouring middles that lie this far from all edges there is no edge.
+        let apart_m = radius_m.max(self.lattice.cell_m());
+        let mut near = vec![false; self.flags.len()];
+        for edge in fence.edges().filter(|edge| edge.from.is_finite() && edge.to.is_finite()) {
+            for (y, columns) in rows_within(self.lattice, edge, apart_m, self.rows()) {
+                for x in (*columns.start()).max(self.area.low.x)..=(*columns.end()).min(self.area.high.x) {
+                    if let Some(index) = self.index(Cell::new(x, y)) {
+                        near[index] = true;
+                    }
+                }
+            }
+        }
+        let mut inside = false;
+        for (index, is_near) in near.iter().enumerate() {
+            let middle = self.lattice.centre(self.cell(index));
+            let row_starts = index % self.width == 0;
+            if *is_near {
+                inside = fence.contains_disc(middle, radius_m);
+            } else if row_starts || near[index - 1] {
+                inside = fence.contains(middle);
+            }
+            if !inside {
+                self.flags[index] |= CLOSED;
+            }
+        }
+    }
+
     /// Closes all cells whose middle the predicate names, e.g. what lies outside the fence.
     pub fn close_where(&mut self, closed: impl Fn(Point) -> bool) {
         for y in self.area.low.y..=self.area.high.y {
@@ -144,6 +228,25 @@ impl Grid {
                 let cell = Cell::new(x, y);
                 if closed(self.lattice.centre(cell)) {
                     self.close(cell);
+                }
+            }
+        }
+    }
+
+    /// Takes note of where the vehicle stands: nothing else stands there, and no closed cell holds it.
+    pub fn stand_on(&mut self, cell: Cell) {
+        if let Some(index) = self.index(cell) {
+            self.flags[index] &= !(CLOSED | SOLID);
+        }
+    }
+
+    /// Opens the cells under a track that are too near to something, but for solid and closed ones: where a vehicle has
+    /// driven there was room for it.
+    pub fn open_along(&mut self, track: &[Point]) {
+        for pair in track.windows(2).filter(|pair| pair[0].is_finite() && pair[1].is_finite()) {
+            for cell in self.lattice.cells_under(Segment::new(pair[0], pair[1])) {
+                if let Some(index) = self.index(cell) {
+                    self.flags[index] &= !NEAR;
                 }
             }
         }
@@ -163,6 +266,22 @@ impl Grid {
     #[inline]
     pub(super) fn open(&self, index: usize) -> bool {
         self.flags[index] == 0
+    }
+
+    /// Writes which cells of a row a vehicle may be in, as 0 and 1.
+    pub(super) fn write_open(&self, row: usize, open: &mut [u8]) {
+        let flags = &self.flags[row * self.width..][..self.width];
+        open.iter_mut().zip(flags).for_each(|(open, flags)| *open = u8::from(*flags == 0));
+    }
+
+    /// Tells whether some cells are dearer than others.
+    pub(super) fn has_levels(&self) -> bool {
+        self.levels.is_some()
+    }
+
+    /// Gives how dear the cells of a row are; nothing where all are alike.
+    pub(super) fn level_row(&self, row: usize) -> &[u8] {
+        self.levels.as_ref().map_or(&[], |levels| &levels[row * self.width..][..self.width])
     }
 
     /// Tells whether the strip along a segment is clear: no solid middle nearer than the half-width, and no
@@ -253,6 +372,11 @@ impl Grid {
             }
         }
     }
+}
+
+/// Gives the level of a price, as a multiple of the ordinary one.
+fn level_of(times: f64) -> u8 {
+    libm::round((times - 1.0) * LEVELS_PER_PRICE as f64).clamp(0.0, f64::from(HIGHEST_LEVEL)) as u8
 }
 
 fn square(value: f64) -> f64 {

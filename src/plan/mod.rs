@@ -5,6 +5,8 @@
 //! look still leaves room to stop ([`Sight`]). Peers, plans and time are not known here.
 
 mod astar;
+mod buckets;
+mod clearance;
 mod corridor;
 mod distance;
 mod frontier;
@@ -14,9 +16,13 @@ mod looking;
 mod mounts;
 mod smooth;
 mod speed;
+mod steps;
 mod swath;
+mod terrain;
+mod turning;
 
-pub use astar::{Found, NoRoute, Rules, shortest_cells};
+pub use astar::{Found, NoRoute, Rules, Turning, shortest_cells};
+pub use clearance::Clearance;
 pub use corridor::{Corridor, Release};
 pub use distance::Distances;
 pub use frontier::{Cluster, FrontierError, Frontiers};

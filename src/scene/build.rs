@@ -6,6 +6,7 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use super::affine::{Xyz, add};
 use super::cast::Surface;
+use super::ears::ears;
 use super::mesh::Mesh;
 use super::primitive::{self, Parts};
 use super::vrml::{VrmlShape, within_world};
@@ -13,6 +14,8 @@ use crate::geom::{Point, Polygon, Rect};
 
 /// Corners of a person's outline.
 const PERSON_SIDES: usize = 16;
+/// Corners of an upright body's outline.
+pub const MAX_CORNERS: usize = 1000;
 /// Where persons stand, metres.
 const GROUND_M: f64 = 0.0;
 
@@ -89,8 +92,8 @@ pub struct SceneParts<'a> {
 /// The outline of an upright body.
 #[derive(Clone, PartialEq, Debug)]
 pub enum Footprint {
-    /// Corners of a convex polygon, in either direction around it.
-    Convex(Polygon),
+    /// Corners of a simple polygon, in either direction around it; at most [`MAX_CORNERS`].
+    Corners(Polygon),
     /// A circle.
     Round {
         /// Its middle.
@@ -144,6 +147,15 @@ pub enum SceneError {
         /// Which thing.
         name: String,
     },
+    /// Everything lies under the ground.
+    #[error(
+        "the highest point of the whole scene is at {high_m:.2} m, under the ground on which vehicles drive (z = 0); \
+         expected some of it at z = 0 or above: see `up` and `offset_m`"
+    )]
+    Buried {
+        /// Its highest point, metres.
+        high_m: f64,
+    },
     /// The surfaces could not be sorted for ray casts.
     #[error("the surfaces cannot be sorted for ray casts: {0}")]
     Surface(String),
@@ -194,6 +206,20 @@ impl Scene {
     /// Gives all objects: the shapes in file order, then the persons.
     pub fn objects(&self) -> &[Object] {
         &self.objects
+    }
+
+    /// Gives the lowest and the highest coordinates of all that stands there, metres; `None` when nothing does.
+    pub fn extent(&self) -> Option<([f64; 3], [f64; 3])> {
+        let mut boxes = self.bounds.iter().map(|Bounds { plan, low_m, high_m }| {
+            ([plan.min.x_m, plan.min.y_m, *low_m], [plan.max.x_m, plan.max.y_m, *high_m])
+        });
+        let first = boxes.next()?;
+        Some(boxes.fold(first, |(low, high), (lower, higher)| {
+            (
+                [0, 1, 2].map(|axis| low[axis].min(lower[axis])),
+                [0, 1, 2].map(|axis| high[axis].max(higher[axis])),
+            )
+        }))
     }
 
     /// Gives all objects with the boxes around them.
@@ -291,13 +317,14 @@ fn raise(post: &Post) -> Result<Object, SceneError> {
     }
     check_material(&post.name, post.material)?;
     let footprint = match &post.footprint {
-        Footprint::Convex(polygon) if !polygon.is_convex() => {
-            return impossible("outline_m", polygon.area_m2(), "a convex outline; join several for others");
+        Footprint::Corners(polygon) if !(3..=MAX_CORNERS).contains(&polygon.corners().len()) => {
+            let count = polygon.corners().len() as f64;
+            return impossible("number of corners", count, "3 to 1000 corners around a simple outline");
         }
-        Footprint::Convex(polygon) if polygon.area_m2() < 0.0 => {
+        Footprint::Corners(polygon) if polygon.area_m2() < 0.0 => {
             Polygon::new(polygon.corners().iter().rev().copied().collect())
         }
-        Footprint::Convex(polygon) => polygon.clone(),
+        Footprint::Corners(polygon) => polygon.clone(),
         Footprint::Round { radius_m, .. } if !(*radius_m > 0.0 && *radius_m <= 100.0) => {
             return impossible("radius_m", *radius_m, "metres above 0, at most 100");
         }
@@ -309,8 +336,29 @@ fn raise(post: &Post) -> Result<Object, SceneError> {
     if !footprint.corners().iter().all(|corner| within_world([corner.x_m, corner.y_m, post.low_m])) {
         return Err(SceneError::TooFar { name: post.name.clone() });
     }
-    let shape = Shape::Prism { footprint, low_m: post.low_m, high_m: post.high_m };
+    let shape = if footprint.is_convex() {
+        Shape::Prism { footprint, low_m: post.low_m, high_m: post.high_m }
+    } else {
+        Shape::Mesh(upright(&footprint, post.low_m, post.high_m))
+    };
     Ok(Object { name: post.name.clone(), shape, material: post.material, closed: true })
+}
+
+/// Gives the surface of an upright body with a simple counter-clockwise outline.
+fn upright(footprint: &Polygon, low_m: f64, high_m: f64) -> Mesh {
+    let corners = footprint.corners();
+    let at = |height_m: f64| corners.iter().map(move |corner| [corner.x_m, corner.y_m, height_m]);
+    let (count, outline): (u32, Vec<[f64; 2]>) =
+        (corners.len() as u32, corners.iter().map(|corner| [corner.x_m, corner.y_m]).collect());
+    let mut triangles = Vec::new();
+    for here in 0..count {
+        let next = (here + 1) % count;
+        triangles.extend([[here, next, next + count], [here, next + count, here + count]]);
+    }
+    for [a, b, c] in ears(&outline) {
+        triangles.extend([[a, c, b], [a + count, b + count, c + count]]);
+    }
+    Mesh::new(at(low_m).chain(at(high_m)).collect(), triangles)
 }
 
 fn check_material(name: &str, material: Material) -> Result<(), SceneError> {

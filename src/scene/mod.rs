@@ -8,9 +8,11 @@ mod attenuation;
 mod build;
 mod cast;
 mod contact;
+mod ears;
 mod mesh;
 mod outline;
 mod primitive;
+mod view;
 mod vrml;
 mod vrml_extrusion;
 mod vrml_geometry;
@@ -27,4 +29,5 @@ pub use build::{Footprint, Material, Object, Person, Post, Scene, SceneError, Sc
 pub use cast::Hit;
 pub use mesh::Mesh;
 pub use outline::Outline;
+pub use view::{Camera, Seen, Viewpoint};
 pub use vrml::{Loader, MAX_BYTES, MAX_LEVELS, Up, VrmlError, VrmlScene, VrmlShape, read_vrml};

@@ -11,6 +11,8 @@ use crate::geom::{Point, Polygon, Segment};
 /// The cut through an object at a height.
 #[derive(Clone, PartialEq, Debug)]
 pub struct Outline {
+    /// The object, by its place in [`Scene::objects`].
+    pub object: usize,
     /// The object's name.
     pub name: String,
     /// Its border, counter-clockwise; an open sheet gives one polygon of two corners per straight piece.
@@ -35,11 +37,12 @@ impl Scene {
     /// Gives the outlines of everything that stands at a height, metres above z = 0, in object order.
     pub fn outlines(&self, height_m: f64) -> Vec<Outline> {
         let mut outlines = Vec::new();
-        for object in self.objects() {
+        for (index, object) in self.objects().iter().enumerate() {
             for mut region in object.regions_at(height_m) {
                 let holes = region.split_off(1.min(region.len()));
                 let border = region.pop().unwrap_or_default();
                 outlines.push(Outline {
+                    object: index,
                     name: object.name.clone(),
                     polygon: Polygon::new(border),
                     holes: holes.into_iter().map(Polygon::new).collect(),
@@ -47,6 +50,7 @@ impl Scene {
                 });
             }
             outlines.extend(object.sheet_at(height_m).into_iter().map(|piece| Outline {
+                object: index,
                 name: object.name.clone(),
                 polygon: Polygon::new(vec![piece.from, piece.to]),
                 holes: Vec::new(),

@@ -4,6 +4,7 @@
 //! `ccw`, `solid` and `creaseAngle` are skipped, because every face is seen from both sides and none is smoothed.
 
 use super::affine::{Affine, Xyz, add, cross, dot, sub};
+use super::ears::ears;
 use super::mesh::Mesh;
 use super::primitive::{self, Parts, Solid};
 use super::vrml::Refusal;
@@ -254,31 +255,4 @@ fn unit(vector: Xyz) -> Option<Xyz> {
 fn distance(a: Xyz, b: Xyz) -> f64 {
     let way = sub(a, b);
     dot(way, way).sqrt()
-}
-
-/// Cuts a simple outline into triangles by its ears; what crosses itself is cut somehow.
-fn ears(outline: &[[f64; 2]]) -> Vec<[u32; 3]> {
-    let twice = |a: u32, b: u32, c: u32| {
-        let [p, q, r] = [a, b, c].map(|corner| outline[corner as usize]);
-        (q[0] - p[0]) * (r[1] - p[1]) - (q[1] - p[1]) * (r[0] - p[0])
-    };
-    let corners = 0..outline.len() as u32;
-    let whole: f64 = corners.clone().skip(2).map(|corner| twice(0, corner - 1, corner)).sum();
-    let (mut left, mut cuts): (Vec<u32>, Vec<[u32; 3]>) = (corners.collect(), Vec::new());
-    while left.len() > 2 {
-        let count = left.len();
-        let around = |at: usize| [left[(at + count - 1) % count], left[at], left[(at + 1) % count]];
-        let is_ear = |at: &usize| {
-            let [a, b, c] = around(*at);
-            let holds = |corner: &u32| {
-                let sides = [twice(a, b, *corner), twice(b, c, *corner), twice(c, a, *corner)];
-                ![a, b, c].contains(corner) && sides.iter().all(|side| side * whole >= 0.0)
-            };
-            twice(a, b, c) * whole > 0.0 && !left.iter().any(holds)
-        };
-        let at = (0..count).find(is_ear).unwrap_or(0);
-        cuts.push(around(at));
-        left.remove(at);
-    }
-    cuts
 }

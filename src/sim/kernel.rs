@@ -28,6 +28,7 @@ use super::outcome::Recorder;
 use super::outside::{Happened, Later, Outside, TELEMETRY_EVERY, TRACK_EVERY, first_telemetry};
 use super::queue::EventQueue;
 use super::script::{Next, Script, Step};
+use super::shown::{Shown, Shows};
 use super::world::{Touch, World};
 use crate::actor::Fault;
 use crate::ground::station::Note as GroundNote;
@@ -85,6 +86,8 @@ pub(super) struct Parts {
     pub script: Script,
     pub until: Time,
     pub shuffle_ties: bool,
+    /// How often the run shows itself, virtual time.
+    pub shown_every: Duration,
 }
 
 /// The kernel of one run.
@@ -103,6 +106,7 @@ pub(super) struct Kernel {
     alarms: Vec<Alarm>,
     script: Script,
     until: Time,
+    shows: Shows,
     record: Recorder,
     status: Status,
     ended: Option<Time>,
@@ -130,6 +134,7 @@ impl Kernel {
             alarms: vec![Alarm::default(); count + 1],
             script: parts.script,
             until: parts.until,
+            shows: Shows::every(parts.shown_every),
             record: Recorder::new(&ids),
             status: Status { now: Time::ZERO, laps_done: 0, laps: 0, samples: 0 },
             ended: None,
@@ -156,10 +161,10 @@ impl Kernel {
         }
     }
 
-    /// Runs to the end, or until `watch` (asked once a virtual second) says that it is enough.
+    /// Runs to the end, or until `watch` says that it is enough.
     pub fn run(
         &mut self,
-        watch: &mut dyn FnMut(&Status) -> bool,
+        watch: &mut dyn FnMut(&Shown<'_>) -> bool,
         mut recording: Option<Recording<'_>>,
     ) -> Result<(), Fault> {
         if let Some(recording) = &mut recording {
@@ -173,17 +178,13 @@ impl Kernel {
             debug_assert!(at >= self.now, "time never goes back");
             self.now = at;
             self.record.counts.events += 1;
-            let is_track = matches!(event, Event::Track);
             let happened = self.happen(event);
             if let Some(recording) = &mut recording {
                 self.hand_out(recording)?;
             }
             happened?;
-            if is_track {
-                self.status.now = self.now;
-                if !watch(&self.status) {
-                    break;
-                }
+            if self.shows.is_due(self.now) && !watch(&self.shown()) {
+                break;
             }
         }
         Ok(())

@@ -20,7 +20,9 @@ pub mod radio_field;
 pub mod range;
 mod scenario;
 pub mod script;
+mod shown;
 pub mod visible;
+pub mod staging;
 mod world;
 
 pub use entry::Entry;
@@ -28,4 +30,5 @@ pub use kernel::Status;
 pub use outcome::{Counts, Found, Mission, Outcome};
 pub use scenario::{RunError, Scenario, ScenarioError};
 pub use script::{EMPTY_RUN, RUN};
+pub use shown::{Shown, ShownVehicle};
 pub use world::{Collision, Stage, Touch};

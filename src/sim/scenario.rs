@@ -9,14 +9,16 @@ use super::body::Limits;
 use super::bus::{Bus, BusModel};
 use super::entry::Entry;
 use super::faults::Faults;
-use super::kernel::{Kernel, Parts, Recording, Status};
+use super::kernel::{Kernel, Parts, Recording};
 use super::noise::{Noise, Purpose};
 use super::outcome::{Outcome, Recorder};
-use super::outside::{Outside, first_telemetry};
+use super::outside::{Outside, TRACK_EVERY, first_telemetry};
 use super::radio_field::{RadioConstants, RadioField};
 use super::range::{Lobe, RangeModel, RangeSensor};
 use super::script::{EMPTY_RUN, RUN, Script};
-use super::world::{Build, Flying, Stage, World};
+use super::shown::Shown;
+use super::staging;
+use super::world::{Build, Flying, GROUND_CLEARANCE_M, Stage, World};
 use crate::actor::Fault;
 use crate::config::{self, Craft, Expect, Sim, Task};
 use crate::geom::Point;
@@ -24,9 +26,7 @@ use crate::ground::imager::Subject;
 use crate::ground::planner::Method;
 use crate::ground::{GroundNode, from_config};
 use crate::node::{Settings as NodeSettings, VehicleNode};
-use crate::scene::{
-    Attenuation, Footprint, Material, Outline, Person, Post, Scene, SceneError, SceneParts, VrmlShape,
-};
+use crate::scene::{Attenuation, Outline, Person, Scene, SceneError, VrmlShape};
 use crate::sweep::{Ring, SweepError};
 use crate::time::Time;
 use crate::tomo::{Settings as ImageSettings, TomoError};
@@ -49,7 +49,10 @@ pub enum ScenarioError {
         count: usize,
     },
     /// A vehicle starts inside something.
-    #[error("vehicle {vehicle} starts {clearance_m:.2} m from an object, its radius is {radius_m} m")]
+    #[error(
+        "homes_m of the venue: vehicle {vehicle} starts {clearance_m:.2} m from an object; \
+         more than its radius of {radius_m} m is needed"
+    )]
     StartsInside {
         /// Which one.
         vehicle: VehicleId,
@@ -83,6 +86,8 @@ pub struct Scenario {
     ring: Ring,
     /// Events of one moment come in an order drawn by the seed, to find what depends on it.
     pub shuffle_ties: bool,
+    /// How often a run shows itself to who watches it, virtual time; once a second by itself.
+    pub shown_every: Duration,
 }
 
 impl Scenario {
@@ -93,7 +98,8 @@ impl Scenario {
     pub fn new(sim: Sim, shapes: Vec<VrmlShape>, seed: u64) -> Result<Scenario, ScenarioError> {
         let noise = Noise::new(seed);
         let ring = Ring::new(sim.venue.area, sim.sweep.positions)?;
-        let mut scenario = Scenario { sim, shapes, noise, persons: Vec::new(), ring, shuffle_ties: false };
+        let (persons, shown_every) = (Vec::new(), TRACK_EVERY);
+        let mut scenario = Scenario { sim, shapes, noise, persons, ring, shuffle_ties: false, shown_every };
         let structure = scenario.scene(&[])?;
         scenario.persons = scenario.place_persons(&structure)?;
         scenario.check_starts(&structure)?;
@@ -158,17 +164,7 @@ impl Scenario {
     }
 
     fn scene(&self, persons: &[Person]) -> Result<Scene, SceneError> {
-        let file = &self.sim.scene;
-        let materials = file.materials.iter().map(|(name, m)| (name.clone(), material(*m))).collect();
-        let posts: Vec<Post> = file.objects.iter().map(post).collect();
-        Scene::build(&SceneParts {
-            shapes: &self.shapes,
-            offset_m: file.offset_m,
-            materials: &materials,
-            default_material: material(file.default_material),
-            posts: &posts,
-            persons,
-        })
+        staging::build(&self.sim.scene, &self.shapes, persons)
     }
 
     fn stage(&self, persons: &[Person]) -> Result<Stage, SceneError> {
@@ -181,7 +177,7 @@ impl Scenario {
 
     fn place_persons(&self, structure: &Scene) -> Result<Vec<Person>, ScenarioError> {
         let file = &self.sim.scene;
-        let mut persons: Vec<Person> = file.persons.iter().map(person).collect();
+        let mut persons: Vec<Person> = file.persons.iter().map(staging::person).collect();
         let Some(rules) = &file.random_persons else { return Ok(persons) };
         let room = self.sim.venue.area.shrunk(rules.keep_from_border_m);
         for number in 1..=rules.count {
@@ -211,7 +207,8 @@ impl Scenario {
                 Craft::Rover => 0.0,
                 Craft::Copter => vehicles.flight.altitude_m,
             };
-            let clearance_m = structure.clearance_m(home, low_m, low_m + vehicles.height_m);
+            let (low_m, high_m) = (low_m + GROUND_CLEARANCE_M, low_m + vehicles.height_m);
+            let clearance_m = structure.clearance_m(home, low_m, high_m);
             if clearance_m <= vehicles.radius_m {
                 let radius_m = vehicles.radius_m;
                 return Err(ScenarioError::StartsInside { vehicle, clearance_m, radius_m });
@@ -220,11 +217,11 @@ impl Scenario {
         Ok(())
     }
 
-    /// Runs the scenario; `watch` is asked once a virtual second whether to go on.
+    /// Runs the scenario; `watch` is asked every `shown_every` of virtual time whether to go on.
     ///
     /// # Errors
     /// The scenario is impossible, or an actor cannot go on.
-    pub fn run(&self, watch: &mut dyn FnMut(&Status) -> bool) -> Result<Outcome, RunError> {
+    pub fn run(&self, watch: &mut dyn FnMut(&Shown<'_>) -> bool) -> Result<Outcome, RunError> {
         let mut kernel = Kernel::new(self.parts()?);
         kernel.run(watch, None)?;
         Ok(self.outcome(kernel)?)
@@ -237,7 +234,7 @@ impl Scenario {
     /// As for [`Scenario::run`].
     pub fn run_recorded(
         &self,
-        watch: &mut dyn FnMut(&Status) -> bool,
+        watch: &mut dyn FnMut(&Shown<'_>) -> bool,
         segment: Duration,
         record: &mut dyn FnMut(Entry),
     ) -> Result<Outcome, RunError> {
@@ -263,6 +260,7 @@ impl Scenario {
             script: self.script_with(second),
             until: Time::ZERO + sim.until,
             shuffle_ties: self.shuffle_ties,
+            shown_every: self.shown_every,
         })
     }
 
@@ -461,31 +459,6 @@ fn radio_constants(radio: &config::Radio) -> RadioConstants {
         packet_sd_db: radio.packet_sd_db,
         sensitivity_dbm: radio.sensitivity_dbm,
         slope_db: radio.sensitivity_slope_db,
-    }
-}
-
-fn material(material: config::Material) -> Material {
-    Material { db_per_m: material.db_per_m, db_per_crossing: material.db_per_crossing }
-}
-
-fn post(object: &config::Object) -> Post {
-    let footprint = match &object.outline {
-        config::Outline::Polygon(polygon) => Footprint::Convex(polygon.clone()),
-        config::Outline::Circle { centre, radius_m } => {
-            Footprint::Round { centre: *centre, radius_m: *radius_m }
-        }
-    };
-    let (low_m, high_m) = (object.bottom_m, object.top_m);
-    Post { name: object.name.clone(), footprint, low_m, high_m, material: material(object.material) }
-}
-
-fn person(person: &config::Person) -> Person {
-    Person {
-        name: person.name.clone(),
-        at: person.at,
-        radius_m: person.radius_m,
-        height_m: person.height_m,
-        db_per_m: person.db_per_m,
     }
 }
 

@@ -23,7 +23,7 @@ use crate::scene::{Attenuation, Scene};
 use crate::time::Time;
 
 /// Objects are touched by what a vehicle has above this height, metres: it drives on the ground.
-const GROUND_CLEARANCE_M: f64 = 0.02;
+pub(super) const GROUND_CLEARANCE_M: f64 = 0.02;
 
 /// What stands in the world, and what it does to radio.
 pub struct Stage {

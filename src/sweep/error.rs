@@ -118,6 +118,20 @@ pub enum SweepError {
         /// How many were given.
         vehicles: usize,
     },
+    /// A pattern is for two vehicles.
+    #[error("a pattern is driven by 2 vehicles, not {vehicles}")]
+    NotTwo {
+        /// How many were given.
+        vehicles: usize,
+    },
+    /// Such plans are too long to travel.
+    #[error("this sweep needs {stops} stops of a vehicle, at most {limit} are allowed; take fewer points")]
+    TooManyStops {
+        /// How many it needs.
+        stops: usize,
+        /// How many a plan may have.
+        limit: usize,
+    },
     /// A vehicle is given twice, or its place is not finite.
     #[error("vehicle {vehicle} is given twice or its place is not finite")]
     Vehicle {

@@ -13,6 +13,7 @@ mod follower;
 mod objective;
 mod pareto;
 mod pattern;
+mod pattern_plan;
 mod precedence;
 #[cfg(test)]
 mod random_worlds;
@@ -32,6 +33,7 @@ pub use pareto::{dominates, hypervolume_contributions, non_dominated_layers};
 pub use pattern::{
     LatticePoint, MAX_PATTERN_SIZE, MIN_PATTERN_SIZE, Pattern, PatternError, PatternKind, square,
 };
+pub use pattern_plan::{PatternRequest, pattern_sweep};
 pub use precedence::{order_legs, tracks_of, validate};
 pub use ring::{MAX_POSITIONS, MIN_POSITIONS, Ring, Side};
 pub use rotating_gap::{GapRequest, default_laps, rotating_gap};

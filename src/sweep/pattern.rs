@@ -115,15 +115,24 @@ impl Pattern {
         self.start_places().map(|place| self.point(place))
     }
 
+    /// Gives how many rounds of equally many steps it has: for the calibration one drive of either vehicle, else what is
+    /// repeated for each side.
+    pub fn round_count(&self) -> usize {
+        match self.kind {
+            PatternKind::Calibrate => 4 * self.side,
+            PatternKind::Fan | PatternKind::FanStraight => 4,
+        }
+    }
+
     /// Gives how many steps it takes, the start not counted.
     pub fn step_count(&self) -> usize {
-        self.rounds() * self.round(0).iter().map(|piece| piece.steps).sum::<usize>()
+        self.round_count() * self.round(0).iter().map(|piece| piece.steps).sum::<usize>()
     }
 
     /// Gives where the first and the second vehicle are after each step.
     pub fn steps(&self) -> impl Iterator<Item = [LatticePoint; 2]> + use<> {
         let pattern = *self;
-        let pieces = (0..self.rounds()).flat_map(move |round| pattern.round(round));
+        let pieces = (0..self.round_count()).flat_map(move |round| pattern.round(round));
         let each = pieces.flat_map(|piece| std::iter::repeat_n(piece.by, piece.steps));
         each.scan(self.start_places(), move |at, by| {
             *at = [at[0] + by[0], at[1] + by[1]];
@@ -137,14 +146,6 @@ impl Pattern {
         let x_m = area.min.x_m + share(point.east) * area.width_m();
         let y_m = area.min.y_m + share(point.north) * area.height_m();
         Point::new(x_m, y_m)
-    }
-
-    /// How many rounds of equal length there are.
-    fn rounds(&self) -> usize {
-        match self.kind {
-            PatternKind::Calibrate => 4 * self.side,
-            PatternKind::Fan | PatternKind::FanStraight => 4,
-        }
     }
 
     fn round(&self, round: usize) -> Vec<Piece> {

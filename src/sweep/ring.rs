@@ -131,6 +131,28 @@ impl Ring {
         nearest.map_or(0.0, |(_, arc_m)| if arc_m >= self.length_m() { 0.0 } else { arc_m })
     }
 
+    /// Gives a way from a place to another one on the border: where the border is nearest, and then the corners that are
+    /// passed along it, counter-clockwise or clockwise; without both ends.
+    pub fn way_between(&self, from: Point, to: Point, clockwise: bool) -> Vec<Point> {
+        let (begin_m, end_m) = (self.nearest_arc_m(from), self.nearest_arc_m(to));
+        let ahead_m = |arc_m: f64| {
+            let ahead_m = if clockwise { begin_m - arc_m } else { arc_m - begin_m };
+            ahead_m - self.length_m() * libm::floor(ahead_m / self.length_m())
+        };
+        let corners = self.area.corners().into_iter().zip(self.corner_arcs_m());
+        let mut passed: Vec<(f64, Point)> = corners
+            .map(|(corner, arc_m)| (ahead_m(arc_m), corner))
+            .filter(|(corner_m, _)| *corner_m > 1e-6 && *corner_m < ahead_m(end_m) - 1e-6)
+            .collect();
+        passed.sort_by(|a, b| a.0.total_cmp(&b.0));
+        let entry = self.at_arc(begin_m);
+        let is_between = |point: &Point| point.distance_to(from) > 1e-6 && point.distance_to(to) > 1e-6;
+        std::iter::once(entry)
+            .chain(passed.into_iter().map(|(_, corner)| corner))
+            .filter(is_between)
+            .collect()
+    }
+
     fn corner_arcs_m(&self) -> [f64; 4] {
         let (width_m, height_m) = (self.area.width_m(), self.area.height_m());
         [0.0, width_m, width_m + height_m, width_m + height_m + width_m]
@@ -165,6 +187,17 @@ mod tests {
     fn ring(width_m: f64, height_m: f64, positions: usize) -> Ring {
         let min = Point::new(-3.0, 2.0);
         Ring::new(Rect::new(min, Point::new(min.x_m + width_m, min.y_m + height_m)), positions).unwrap()
+    }
+
+    #[test]
+    fn a_way_along_the_border_goes_either_way_round() {
+        let ring = Ring::new(Rect::new(Point::new(0.0, 0.0), Point::new(10.0, 8.0)), 36).unwrap();
+        let (from, to) = (Point::new(4.0, -1.0), Point::new(10.0, 8.0));
+        let entry = Point::new(4.0, 0.0);
+        assert_eq!(ring.way_between(from, to, false), [entry, Point::new(10.0, 0.0)]);
+        assert_eq!(ring.way_between(from, to, true), [entry, Point::new(0.0, 0.0), Point::new(0.0, 8.0)]);
+        assert_eq!(ring.way_between(entry, Point::new(6.0, 0.0), false), []);
+        assert_eq!(ring.way_between(entry, entry, true), []);
     }
 
     #[test]

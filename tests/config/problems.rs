@@ -299,7 +299,7 @@ fn a_scene_must_make_sense() {
     check_scene(
         "[[object]]\noutline_m = [[0, 0], [1, 1], [1, 0], [0, 1]]\ntop_m = 0\n",
         &[
-            "s.toml:3: object[0].outline_m = [[0, 0], [1, 1], [1, 0], [0, 1]]: side 1 touches side 3; corners in order around a convex outline are needed; other shapes are several objects",
+            "s.toml:3: object[0].outline_m = [[0, 0], [1, 1], [1, 0], [0, 1]]: side 1 touches side 3; corners in order around a simple outline are needed",
             "s.toml:4: object[0].top_m = 0: is not above bottom_m; a body needs a height",
         ],
     );

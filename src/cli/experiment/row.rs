@@ -120,7 +120,7 @@ impl Row {
             detected_cells: found(&seen.visible.cells),
             route_cells: route.len(),
             route_detected_cells: found(&route),
-            path_m: tracks().map(length_m).sum(),
+            path_m: tracks().map(length_m).fold(0.0, |sum, length_m| sum + length_m),
             clearance_m: visible::least_clearance_m(&seen.scene, seen.body, tracks(), &|at| {
                 to_nearest_m(&outcome.persons, at)
             }),
@@ -210,7 +210,8 @@ fn share(part: usize, of: usize) -> Option<f64> {
 }
 
 fn length_m(track: &[Point]) -> f64 {
-    track.windows(2).map(|pair| pair[0].distance_to(pair[1])).sum()
+    // An empty sum of floats would be −0.
+    track.windows(2).fold(0.0, |sum, pair| sum + pair[0].distance_to(pair[1]))
 }
 
 /// Gives the distance from a place to the nearest person's side, metres.

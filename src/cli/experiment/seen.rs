@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
-use crate::config::{Axis, Experiment, Sim};
+use crate::config::{Axis, Experiment, Lobe, Sim};
 use crate::geom::Lattice;
 use crate::scene::Scene;
 use crate::sim::visible::{Room, Sight, Visible};
@@ -44,9 +44,13 @@ fn sight(sim: &Sim) -> Sight {
     let range = &sim.range;
     Sight {
         height_m: range.height_m,
-        half_angle_rad: range.half_angle_rad,
+        half_angle_rad: match range.lobe {
+            Lobe::Beam => 0.0,
+            // In the plane of the sensor a cone is a fan.
+            Lobe::Fan | Lobe::Cone => range.half_angle_rad,
+        },
         min_m: range.min_range_m,
-        max_m: range.max_range_m,
+        max_m: range.max_range_m.min(range.farness_m),
         incidence_max_rad: range.incidence_limit_rad,
     }
 }

@@ -95,8 +95,8 @@ fn line(names: &[String], rows: &[&Row]) -> Vec<String> {
 
 /// Counts how missions ended, best first: "4 done + 1 no way".
 fn ends(rows: &[&Row]) -> String {
-    let count = |word: &&str| rows.iter().filter(|row| row.mission == **word).count();
-    let counted = ENDS.iter().map(|word| (count(&word), word)).filter(|(count, _)| *count > 0);
+    let count = |word: &str| rows.iter().filter(|row| row.mission == word).count();
+    let counted = ENDS.iter().map(|word| (count(word), word)).filter(|(count, _)| *count > 0);
     let words: Vec<String> = counted.map(|(count, word)| format!("{count} {word}")).collect();
     if words.is_empty() { "-".to_owned() } else { words.join(" + ") }
 }

@@ -29,6 +29,7 @@ fn run(folder: &Path, out: &str, change: impl Fn(&mut ExperimentArgs)) -> (Strin
         threads: Some(1),
         resume: false,
         fresh: false,
+        only: None,
         by: vec![Axis::Mission],
     };
     change(&mut args);
@@ -115,4 +116,19 @@ fn a_changed_file_is_refused_until_one_begins_anew() {
     let error = run(folder.path(), "out", |_| {}).1.unwrap_err();
     assert!(error.exit_code() == 2 && error.to_string().contains("--fresh"), "{error}");
     assert!(run(folder.path(), "out", |args| args.fresh = true).1.is_ok());
+}
+
+#[test]
+fn one_run_alone_is_the_run_of_the_grid() {
+    let folder = folder(GRID);
+    assert!(run(folder.path(), "grid", |_| {}).1.is_ok());
+    let (text, result) = run(folder.path(), "alone", |args| args.only = Some(5));
+    assert!(result.is_ok(), "{result:?}");
+    assert!(text.starts_with("run 5: mission=against scene=yard safety_m=0.3 seed=2\n"), "{text}");
+    let log = read(folder.path(), "alone/run.log");
+    let hash = format!("{:016x}", crate::sim::log::hash(log.bytes().map(u64::from)));
+    let csv = read(folder.path(), "grid/runs.csv");
+    assert!(csv.lines().nth(6).unwrap().ends_with(&hash), "{csv}");
+    let beyond = run(folder.path(), "alone", |args| args.only = Some(8)).1.unwrap_err();
+    assert!(beyond.exit_code() == 2 && beyond.to_string().contains("0 to 7"), "{beyond}");
 }

@@ -11,7 +11,10 @@ use super::row::{End, Row};
 use super::seen::Cache;
 use crate::cli::error::CliError;
 use crate::cli::stop::Stop;
-use crate::sim::{RunError, Status};
+use crate::sim::{RunError, Shown};
+
+/// Keeps a row, of all rows so far the last.
+pub(super) type Keep<'a> = dyn FnMut(&Row, &[Row]) -> Result<(), CliError> + 'a;
 
 /// What all threads share.
 struct Shared<'a> {
@@ -34,7 +37,7 @@ pub(super) fn run_rest(
     threads: usize,
     stop: &Stop,
     rows: &mut Vec<Row>,
-    keep: &mut dyn FnMut(&Row, &[Row]) -> Result<(), CliError>,
+    keep: &mut Keep<'_>,
 ) -> Result<(), CliError> {
     let done: BTreeSet<usize> = rows.iter().map(|row| row.run).collect();
     let left: Vec<usize> = (0..grid.experiment().runs()).filter(|run| !done.contains(run)).collect();
@@ -91,7 +94,7 @@ impl Shared<'_> {
             Err(error) => return refused(error.to_string()),
         };
         let mut is_stopped = false;
-        let mut watch = |_: &Status| {
+        let mut watch = |_: &Shown<'_>| {
             is_stopped = self.is_over();
             !is_stopped
         };

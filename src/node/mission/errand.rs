@@ -44,7 +44,9 @@ const WAITS_MAX: u32 = 90;
 /// The same on the way home: then the return in order is waited for.
 const HOME_WAITS_MAX: u32 = 30;
 /// So often in a row something may be in the way without the vehicle having moved.
-const TRIES_MAX: u32 = 8;
+const TRIES_MAX: u32 = 16;
+/// The longest wait after something was in the way, in shortest ones.
+const WAIT_MAX: u32 = 5;
 /// The vehicle has moved when it is this far from where something was in the way, metres.
 const MOVED_M: f64 = 0.5;
 /// This near to home is at home, metres.
@@ -248,6 +250,10 @@ impl Errand {
                 self.is_begun = true;
                 self.look_around(scene);
             }
+            Task::Pathfind(_) | Task::Search | Task::Explore if !self.is_begun => {
+                self.is_begun = true;
+                self.look_around(scene);
+            }
             Task::Pathfind(_) => self.visit_next(scene),
             Task::Search | Task::Explore => self.seek(scene),
         }
@@ -255,14 +261,14 @@ impl Errand {
 
     fn next_leg(&mut self, scene: &mut Scene<'_>) {
         match self.places.front().copied() {
-            Some(place) => self.drive(scene, &[place], Aim::Place(place)),
+            Some(place) => self.drive(scene, &[place], false, Aim::Place(place)),
             None => self.finish(scene, End::Done),
         }
     }
 
     /// Drives along corners after where the vehicle is.
-    fn drive(&mut self, scene: &mut Scene<'_>, corners: &[Point], aim: Aim) {
-        scene.pilot.take_route(scene.pose().at, corners);
+    fn drive(&mut self, scene: &mut Scene<'_>, corners: &[Point], is_narrow: bool, aim: Aim) {
+        scene.pilot.take_route(scene.pose().at, corners, is_narrow);
         self.phase = Phase::Driving { aim, judged: scene.now };
     }
 
@@ -272,7 +278,10 @@ impl Errand {
                 self.places.pop_front();
                 self.barred.clear();
                 scene.remark(Remark::Visited(place));
-                self.think(scene.now);
+                match self.settings.task {
+                    Task::Pathfind(_) => self.look_around(scene),
+                    _ => self.think(scene.now),
+                }
             }
             Aim::Sight(cell) => self.look_at(scene, cell),
             Aim::Aside => self.choose_at(scene.now + WAIT),
@@ -351,18 +360,24 @@ impl Errand {
         let Phase::Driving { aim, .. } = self.phase else { return };
         let place = scene.pose().at;
         scene.pilot.give_up(place);
+        if matches!(self.settings.task, Task::Legs(_) | Task::Forward(_)) && matches!(aim, Aim::Place(_)) {
+            return self.finish(scene, End::Stopped(at));
+        }
+        let is_new = match aim {
+            Aim::Place(_) => self.note_barred(scene, at),
+            Aim::Sight(cell) => {
+                self.looks.note(&[cell], place);
+                false
+            }
+            Aim::Aside | Aim::Home => false,
+        };
+        if is_new {
+            return self.think(scene.now);
+        }
         let (before, times) = self.blocked;
         let times = if before.distance_to(place) <= MOVED_M { times + 1 } else { 1 };
         self.blocked = (place, times);
-        match aim {
-            Aim::Place(_) if matches!(self.settings.task, Task::Legs(_) | Task::Forward(_)) => {
-                return self.finish(scene, End::Stopped(at));
-            }
-            Aim::Place(_) => self.note_barred(scene, at),
-            Aim::Sight(cell) => self.looks.note(&[cell], place),
-            Aim::Aside | Aim::Home => {}
-        }
-        let wait = if times > 1 { WAIT * times.min(TRIES_MAX) } else { self.settings.path_time };
+        let wait = if times > 2 { WAIT * (times - 2).min(WAIT_MAX) } else { self.settings.path_time };
         self.choose_at(scene.now + wait);
     }
 
@@ -388,14 +403,19 @@ impl Errand {
             return;
         }
         match self.route(scene, home, false) {
-            Ok(corners) => self.drive(scene, &corners, Aim::Home),
+            Ok((corners, is_narrow)) => self.drive(scene, &corners, is_narrow, Aim::Home),
             Err(_) if self.waits < HOME_WAITS_MAX => self.wait(scene),
             Err(_) => self.phase = Phase::Over,
         }
     }
 
     /// Gives the corners of a route to a place, clear of peers; unknown ground may be crossed or not.
-    fn route(&self, scene: &Scene<'_>, goal: Point, unknown_allowed: bool) -> Result<Vec<Point>, NoRoute> {
+    fn route(
+        &self,
+        scene: &Scene<'_>,
+        goal: Point,
+        unknown_allowed: bool,
+    ) -> Result<(Vec<Point>, bool), NoRoute> {
         self.route_clear_of(scene, goal, unknown_allowed, &scene.claims())
     }
 

@@ -50,6 +50,9 @@ const LOOKS_MAX: u32 = 4;
 /// Places remembered to go back to, and how far apart they are, metres.
 const TRAIL: usize = 16;
 const TRAIL_STEP_M: f64 = 0.5;
+/// All places driven that are remembered, and how far apart they are, metres.
+const DRIVEN: usize = 8192;
+const DRIVEN_STEP_M: f64 = 0.2;
 /// After so many refusals in a row, peers that stand are planned around.
 const REFUSALS_MAX: u32 = 4;
 /// So many paths in a row of which every command is refused, and the vehicle does not get on by itself.
@@ -130,12 +133,16 @@ pub struct Pilot {
     needs_path: bool,
     /// A path was found, and nothing of it has been driven.
     path_is_fresh: bool,
+    /// The way leads over places where the vehicle has driven: its body must have room there, its padding need not.
+    is_narrow: bool,
     /// The way is driven as it is: what blocks it is said, and no other is searched.
     is_strict: bool,
     /// Looks since the last drive.
     looks: u32,
     /// Where the vehicle has been, oldest first: the way back out of a dead end.
     trail: VecDeque<Point>,
+    /// Where the vehicle has driven, oldest first.
+    driven: Vec<Point>,
     /// On the way back out of a dead end: the odometer at its end, metres. There a path is searched, whatever is
     /// released.
     retreat_m: Option<f64>,
@@ -163,7 +170,9 @@ impl Pilot {
             bumps: Vec::new(),
             needs_path: false,
             path_is_fresh: false,
+            is_narrow: false,
             is_strict: false,
+            driven: Vec::new(),
             looks: 0,
             trail: VecDeque::new(),
             retreat_m: None,
@@ -195,16 +204,19 @@ impl Pilot {
         self.doing = Doing::Driving;
         (self.commanded_m, self.retreat_m) = (None, None);
         (self.refusals, self.refused_paths, self.failures) = (0, 0, 0);
-        (self.unknown, self.needs_path, self.is_strict) = (Unknown::Free, false, false);
+        (self.unknown, self.needs_path) = (Unknown::Free, false);
+        (self.is_strict, self.is_narrow) = (false, false);
     }
 
     /// Takes a route, corners after where the vehicle is, that is driven as it is: what blocks it is said, and whoever
     /// gave it decides. What is unknown on it is looked at as on every way.
-    pub fn take_route(&mut self, place: Point, corners: &[Point]) {
+    /// A narrow route leads over places where the vehicle has driven, see [`Pilot::driven`].
+    pub fn take_route(&mut self, place: Point, corners: &[Point], is_narrow: bool) {
         let Some((end, corners)) = corners.split_last() else { return };
         self.give_up(place);
         self.way.append(corners.iter().copied(), *end, None);
-        (self.is_strict, self.looked, self.looks) = (true, false, 0);
+        (self.is_strict, self.is_narrow) = (true, is_narrow);
+        (self.looked, self.looks) = (false, 0);
     }
 
     /// Gives how far the middle of the vehicle keeps from what stands there, metres.
@@ -262,7 +274,10 @@ impl Pilot {
     /// Tells how the way home looks.
     pub fn way_home(&self, now: Time, state: &State) -> WayHome {
         let (pose, home) = (Pose::from(state.pose), self.settings.home);
-        let is_open = |peers| self.path(now, pose, home, false, peers).is_some();
+        let is_open = |peers| {
+            self.path(now, pose, home, false, peers).is_some()
+                || self.driven_path(now, pose, home, peers).is_some()
+        };
         if home.distance_to(pose.at) <= ARRIVED_M || is_open(&self.peers) {
             WayHome::Open
         } else if is_open(&[]) {
@@ -349,7 +364,10 @@ impl Pilot {
             // The way on lies over the way back: only the latter is judged, until its end is reached.
             points = self.way.until(points[0], 0.0, self.way.along_m(end_m));
         }
-        let half_width_m = self.half_width_m(pose);
+        let half_width_m = match self.is_narrow {
+            true => self.settings.body.radius_m + 2.0 * pose.sd_m,
+            false => self.half_width_m(pose),
+        };
         let view = self.map.view(self.settings.slice, self.around(pose.at, AHEAD_M + 2.0));
         let mut release = Corridor { half_width_m, ahead_m: AHEAD_M }.released(&view, &points, pose.at);
         for bump in self.bumps.iter().filter(|bump| bump.until > now) {
@@ -495,6 +513,15 @@ impl Pilot {
         }
         if self.trail.len() > TRAIL {
             self.trail.pop_front();
+        }
+        if self.driven.last().is_none_or(|last| last.distance_to(place) >= DRIVEN_STEP_M) {
+            self.driven.push(place);
+        }
+        if self.driven.len() > DRIVEN {
+            // The older half is kept in larger steps.
+            let old = DRIVEN / 2;
+            let thinned: Vec<Point> = self.driven[..old].iter().copied().step_by(2).collect();
+            self.driven.splice(..old, thinned);
         }
     }
 

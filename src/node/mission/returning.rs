@@ -60,7 +60,7 @@ impl Mission {
         if self.pilot.way().is_empty() {
             (self.wanted, self.line) = (Wanted::Home, Line::default());
             out.push(Out::Remark(Remark::Home));
-        } else if self.pilot.is_refused() {
+        } else if self.pilot.is_refused() && !self.is_low() {
             self.line.tries += 1;
             self.step_back(now);
         }

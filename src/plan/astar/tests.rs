@@ -57,7 +57,7 @@ proptest! {
         from in (0..SIDE, 0..SIDE), to in (0..SIDE, 0..SIDE),
     ) {
         let solid: BTreeSet<(i32, i32)> = blocked.into_iter().filter(|c| *c != from && *c != to).collect();
-        let rules = Rules { diagonal, cut_corners, escape_m: 0.0 };
+        let rules = Rules { diagonal, cut_corners, ..Rules::default() };
         let grid = grid(SIDE, 0.2, 0.0, |cell| solid.contains(&(cell.x, cell.y)));
         let found = shortest_cells(&grid, Cell::new(from.0, from.1), Cell::new(to.0, to.1), &rules);
         match (found, relaxed_length(&solid, from, to, &rules)) {

@@ -7,6 +7,7 @@ use super::{Event, Kernel};
 use crate::sim::log::hash;
 use crate::sim::outside::TRACK_EVERY;
 use crate::sim::script::RUN;
+use crate::sim::shown::{Shown, ShownVehicle};
 use crate::sim::world::Collision;
 
 impl Kernel {
@@ -42,6 +43,18 @@ impl Kernel {
         let station = self.ground.station();
         let (map, samples) = (map_hash(&station.map().digest()), station.samples().count(RUN));
         self.log("ground", format_args!("holds map {map:016x}, stored {samples} samples"));
+    }
+
+    /// Gives what is to be seen of the run now.
+    pub(super) fn shown(&mut self) -> Shown<'_> {
+        self.status.now = self.now;
+        let one = |vehicle: usize| {
+            let (state, node) = (self.outside.world().truth(vehicle, self.now), &self.vehicles[vehicle]);
+            let standing = (!self.is_dead[vehicle]).then(|| node.mission().standing());
+            ShownVehicle { id: node.id(), at: state.at, heading: state.heading, standing }
+        };
+        let vehicles = (0..self.vehicles.len()).map(one).collect();
+        Shown { status: self.status, map: self.ground.station().map(), vehicles }
     }
 
     pub(super) fn track(&mut self) {

@@ -26,7 +26,7 @@ impl Errand {
         let patience = PATIENCE + PATIENCE_MORE * higher;
         if self.waits % patience == 0 {
             if let Some(corners) = self.way_aside(scene) {
-                return self.drive(scene, &corners, Aim::Aside);
+                return self.drive(scene, &corners, false, Aim::Aside);
             }
         }
         self.choose_at(scene.now + WAIT);
@@ -35,7 +35,7 @@ impl Errand {
     /// Gives a way over known ground to where the peers are farther away than here.
     fn way_aside(&self, scene: &Scene<'_>) -> Option<Vec<Point>> {
         let (pose, lattice) = (scene.pose(), self.settings.lattice);
-        let grid = scene.pilot.ground(scene.now, pose, pose.at, false, &scene.claims())?;
+        let grid = self.ground(scene, None, false, &scene.claims())?;
         let reached = Distances::from_start(&grid, lattice.cell_at(pose.at), &self.rules()).ok()?;
         let room_m = |at: Point| {
             let distances = scene.peers.iter().map(|(_, peer)| peer.at.distance_to(at));

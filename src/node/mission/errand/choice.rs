@@ -54,54 +54,61 @@ struct Sight {
 impl Errand {
     /// Chooses the next look, or ends.
     pub(super) fn seek(&mut self, scene: &mut Scene<'_>) {
-        let claims = scene.claims();
-        let pose = scene.pose();
-        let Some(grid) = scene.pilot.ground(scene.now, pose, pose.at, false, &claims) else {
+        let Some(mut grid) = self.ground(scene, None, false, &scene.claims()) else {
             return self.finish(scene, End::GaveUp(0));
         };
-        let start = self.settings.lattice.cell_at(pose.at);
         self.keep_frontiers(scene.pilot, grid.area());
-        let wanted = self.wanted();
-        let Ok(reached) = Distances::from_start(&grid, start, &self.rules()) else {
-            return self.seek_later(scene, wanted.is_empty());
+        let passes = {
+            let view = scene.pilot.map().view(self.settings.slice, grid.area());
+            self.passes(scene, &view)
         };
-        let near: Vec<(f64, Cell)> = by_cost(&grid, &reached);
-        let view = scene.pilot.map().view(self.settings.slice, grid.area());
-        let passes = self.passes(scene, &view, wanted);
-        let reaches = self.reaches_m(scene.pilot.keep_m(pose));
-        let sight = passes.iter().find_map(|buckets| {
-            reaches
-                .iter()
-                .find_map(|reach_m| self.first_sight(&view, &near, buckets, (pose.at, start), *reach_m))
-        });
-        match sight {
-            Some(sight) if sight.from == start => self.look_at(scene, sight.at),
-            Some(sight) => {
-                let to = self.settings.lattice.centre(sight.from);
-                match reached.route_to(&grid, pose.at, to) {
-                    Some(route) => {
-                        self.waits = 0;
-                        self.drive(scene, &route.points[1..], Aim::Sight(sight.at));
-                    }
-                    None => {
-                        self.looks.note(&[sight.at], to);
-                        self.think(scene.now);
-                    }
-                }
+        for is_narrow in [false, true] {
+            if is_narrow {
+                grid.open_along(scene.pilot.driven());
             }
-            None => {
-                let is_done = !self.is_barred_by_peers(scene);
-                self.seek_later(scene, is_done);
+            if let Some((sight, reached)) = self.choose_sight(scene, &grid, &passes) {
+                return self.go_and_look(scene, &grid, &reached, is_narrow, sight);
             }
         }
+        if self.is_barred_by_peers(scene) { self.wait(scene) } else { self.finish(scene, End::Done) }
     }
 
-    /// Nothing can be looked at now: waits for peers to make room, or ends.
-    fn seek_later(&mut self, scene: &mut Scene<'_>, is_done: bool) {
-        if is_done {
-            return self.finish(scene, End::Done);
+    /// Gives where to look from and at what, and the ways to all places.
+    fn choose_sight(&self, scene: &Scene<'_>, grid: &Grid, passes: &[Buckets]) -> Option<(Sight, Distances)> {
+        let pose = scene.pose();
+        let start = self.settings.lattice.cell_at(pose.at);
+        let reached = Distances::from_start(grid, start, &self.rules()).ok()?;
+        let near = by_cost(grid, &reached);
+        let view = scene.pilot.map().view(self.settings.slice, grid.area());
+        let reaches = self.reaches_m(scene.pilot.keep_m(pose));
+        let sight = passes.iter().find_map(|buckets| {
+            let look = |reach_m: &f64| self.first_sight(&view, &near, buckets, (pose.at, start), *reach_m);
+            reaches.iter().find_map(look)
+        });
+        sight.map(|sight| (sight, reached))
+    }
+
+    fn go_and_look(
+        &mut self,
+        scene: &mut Scene<'_>,
+        grid: &Grid,
+        reached: &Distances,
+        is_narrow: bool,
+        sight: Sight,
+    ) {
+        let (from, lattice) = (scene.pose().at, self.settings.lattice);
+        self.waits = 0;
+        if sight.from == lattice.cell_at(from) {
+            return self.look_at(scene, sight.at);
         }
-        self.wait(scene);
+        let to = lattice.centre(sight.from);
+        match reached.route_to(grid, from, to) {
+            Some(route) => self.drive(scene, &route.points[1..], is_narrow, Aim::Sight(sight.at)),
+            None => {
+                self.looks.note(&[sight.at], to);
+                self.think(scene.now);
+            }
+        }
     }
 
     /// Tells whether without peers there would be something to look at.
@@ -109,14 +116,10 @@ impl Errand {
         if scene.peers.iter().next().is_none() {
             return false;
         }
-        let pose = scene.pose();
-        let Some(grid) = scene.pilot.ground(scene.now, pose, pose.at, false, &[]) else { return false };
-        let start = self.settings.lattice.cell_at(pose.at);
-        let Ok(reached) = Distances::from_start(&grid, start, &self.rules()) else { return false };
-        let view = scene.pilot.map().view(self.settings.slice, grid.area());
+        let Some(mut grid) = self.ground(scene, None, false, &[]) else { return false };
+        grid.open_along(scene.pilot.driven());
         let buckets = Buckets::new(self.settings.lattice, grid.area(), &self.wanted());
-        let reach_m = LOOK_SHARE * self.settings.look.sure_range_m;
-        self.first_sight(&view, &by_cost(&grid, &reached), &buckets, (pose.at, start), reach_m).is_some()
+        self.choose_sight(scene, &grid, &[buckets]).is_some()
     }
 
     /// Gives from how far away to look, the best first, metres.
@@ -171,7 +174,8 @@ impl Errand {
     }
 
     /// Gives what is looked at first, then what is looked at when nothing of that can be.
-    fn passes(&self, scene: &Scene<'_>, view: &View<'_>, wanted: Vec<Wanted>) -> Vec<Buckets> {
+    fn passes(&self, scene: &Scene<'_>, view: &View<'_>) -> [Buckets; 2] {
+        let wanted = self.wanted();
         let (lattice, area) = (self.settings.lattice, view_area(&wanted, self.settings.lattice));
         let buckets = |list: &[Wanted]| Buckets::new(lattice, area, list);
         let first: Vec<Wanted> = match self.settings.task {
@@ -180,7 +184,7 @@ impl Errand {
             }
             _ => wanted.iter().copied().filter(|one| !self.is_a_peers(scene, one.at)).collect(),
         };
-        vec![buckets(&first), buckets(&wanted)]
+        [buckets(&first), buckets(&wanted)]
     }
 
     fn is_near_object(&self, view: &View<'_>, cell: Cell) -> bool {

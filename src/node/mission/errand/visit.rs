@@ -5,7 +5,7 @@ use super::{Aim, End, Errand, Scene};
 use crate::geom::{Point, Segment};
 use crate::map::{CellRect, Occupancy};
 use crate::node::mission::Remark;
-use crate::plan::{NoRoute, shortest_route};
+use crate::plan::{Grid, NoRoute, shortest_route};
 
 impl Errand {
     /// Sets out to the next place, or ends.
@@ -23,9 +23,9 @@ impl Errand {
             return self.skip_place(scene, place);
         }
         match self.route(scene, place, true) {
-            Ok(corners) => {
+            Ok((corners, is_narrow)) => {
                 self.waits = 0;
-                self.drive(scene, &corners, Aim::Place(place));
+                self.drive(scene, &corners, is_narrow, Aim::Place(place));
             }
             Err(_) if self.is_open_without_peers(scene, place) => self.wait(scene),
             Err(reason) => {
@@ -48,33 +48,50 @@ impl Errand {
         self.route_clear_of(scene, place, true, &[]).is_ok()
     }
 
-    /// Gives the corners of a route to a place, clear of what peers claim.
+    /// Gives the corners of a route to a place, clear of what peers claim, and whether it leads over places that are open
+    /// only since the vehicle has driven there.
     pub(super) fn route_clear_of(
         &self,
         scene: &Scene<'_>,
         goal: Point,
         unknown_allowed: bool,
         peers: &[Vec<Point>],
-    ) -> Result<Vec<Point>, NoRoute> {
-        let pose = scene.pose();
-        let ground = scene.pilot.ground(scene.now, pose, goal, unknown_allowed, peers);
-        let mut grid = ground.ok_or(NoRoute::GoalOutside)?;
-        for at in &self.barred {
-            let keep_m =
-                scene.pilot.keep_m(pose).min(at.distance_to(pose.at) - self.settings.lattice.cell_m());
-            grid.close_within(Segment::new(*at, *at), keep_m);
-        }
-        let route = shortest_route(&grid, pose.at, goal, &self.rules())?;
-        Ok(route.points[1..].to_vec())
+    ) -> Result<(Vec<Point>, bool), NoRoute> {
+        let mut grid = self.ground(scene, Some(goal), unknown_allowed, peers).ok_or(NoRoute::GoalOutside)?;
+        let from = scene.pose().at;
+        let corners = |route: crate::plan::Route| route.points[1..].to_vec();
+        shortest_route(&grid, from, goal, &self.rules()).map(|route| (corners(route), false)).or_else(|_| {
+            grid.open_along(scene.pilot.driven());
+            shortest_route(&grid, from, goal, &self.rules()).map(|route| (corners(route), true))
+        })
     }
 
-    /// What was looked at on the way and is still unknown is taken for barred.
-    pub(super) fn note_barred(&mut self, scene: &Scene<'_>, at: Point) {
+    /// Gives where the vehicle may be, clear of what peers claim and of what was looked at in vain.
+    pub(super) fn ground(
+        &self,
+        scene: &Scene<'_>,
+        goal: Option<Point>,
+        unknown_allowed: bool,
+        peers: &[Vec<Point>],
+    ) -> Option<Grid> {
+        let pose = scene.pose();
+        let mut grid = scene.pilot.ground(scene.now, pose, goal, unknown_allowed, peers)?;
+        for at in &self.barred {
+            grid.close_within(Segment::new(*at, *at), scene.pilot.keep_m(pose));
+        }
+        grid.stand_on(self.settings.lattice.cell_at(pose.at));
+        Some(grid)
+    }
+
+    /// What was looked at on the way and is still unknown is taken for barred; tells whether that is news.
+    pub(super) fn note_barred(&mut self, scene: &Scene<'_>, at: Point) -> bool {
         let cell = self.settings.lattice.cell_at(at);
         let view = scene.pilot.map().view(self.settings.slice, CellRect::new(cell, cell));
-        if view.occupancy(cell) == Occupancy::Unknown {
+        let is_new = view.occupancy(cell) == Occupancy::Unknown && !self.barred.contains(&at);
+        if is_new {
             self.barred.push(at);
         }
+        is_new
     }
 }
 
@@ -82,6 +99,10 @@ impl Errand {
 fn searched(reason: NoRoute) -> usize {
     match reason {
         NoRoute::Unreachable { searched } => searched,
-        NoRoute::StartOutside | NoRoute::GoalOutside | NoRoute::StartBarred | NoRoute::GoalBarred => 0,
+        NoRoute::TooLargeToTurn { .. }
+        | NoRoute::StartOutside
+        | NoRoute::GoalOutside
+        | NoRoute::StartBarred
+        | NoRoute::GoalBarred => 0,
     }
 }

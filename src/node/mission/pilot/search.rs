@@ -16,11 +16,13 @@ const RETREAT_M: f64 = 1.0;
 const SEARCH_MARGIN_M: f64 = 6.0;
 /// A vehicle too near to something may leave it this far, metres.
 const ESCAPE_M: f64 = 1.0;
+/// Between body and fence stays this much more than the deviation of the place asks for, metres.
+const FENCE_M: f64 = 0.05;
 /// Who stands too near to a peer may leave it over places this near, metres.
 const LEAVE_M: f64 = 0.6;
 
 /// How paths are searched.
-pub const RULES: Rules = Rules { diagonal: true, cut_corners: false, escape_m: ESCAPE_M };
+pub const RULES: Rules = Rules { diagonal: true, cut_corners: false, escape_m: ESCAPE_M, turning: None };
 
 fn is_small(area: &CellRect) -> bool {
     area.width_cells().saturating_mul(area.height_cells()) <= MAX_GRID_CELLS
@@ -35,6 +37,13 @@ impl Pilot {
         }
         if found.is_none() {
             found = self.detour(now, pose);
+        }
+        self.is_narrow = false;
+        if found.is_none() && self.way.end() == self.settings.home {
+            let count = self.way.ahead().count();
+            found =
+                self.driven_path(now, pose, self.settings.home, &self.peers).map(|points| (count, points));
+            self.is_narrow = found.is_some();
         }
         if found.is_none() && self.failures % 3 == 2 {
             found = self.retreat(self.trail.iter(), now, pose);
@@ -93,9 +102,29 @@ impl Pilot {
         peers: &[Vec<Point>],
     ) -> Option<Vec<Point>> {
         let area = self.area(pose.at, goal)?;
-        let grid = self.grid(now, pose, goal, area, unknown_allowed, peers)?;
+        let grid = self.grid(now, pose, Some(goal), area, unknown_allowed, peers)?;
         let points = shortest_route(&grid, pose.at, goal, &RULES).ok()?.points;
         peers.iter().all(|claim| self.keeps_clear_of(claim, &points)).then_some(points)
+    }
+
+    /// Searches a path over known ground and the places where the vehicle has driven, however near to something these
+    /// are: it came through there.
+    pub(super) fn driven_path(
+        &self,
+        now: Time,
+        pose: Pose,
+        goal: Point,
+        peers: &[Vec<Point>],
+    ) -> Option<Vec<Point>> {
+        let mut grid = self.ground(now, pose, Some(goal), false, peers)?;
+        grid.open_along(&self.driven);
+        let points = shortest_route(&grid, pose.at, goal, &RULES).ok()?.points;
+        peers.iter().all(|claim| self.keeps_clear_of(claim, &points)).then_some(points)
+    }
+
+    /// Gives the places where the vehicle has driven, in order.
+    pub fn driven(&self) -> &[Point] {
+        &self.driven
     }
 
     /// Gives where the vehicle may be within an area, on its way to a goal; `None` when the area is too large.
@@ -103,7 +132,7 @@ impl Pilot {
         &self,
         now: Time,
         pose: Pose,
-        goal: Point,
+        goal: Option<Point>,
         area: CellRect,
         unknown_allowed: bool,
         peers: &[Vec<Point>],
@@ -114,17 +143,17 @@ impl Pilot {
         Some(grid)
     }
 
-    /// Gives where the vehicle may be in all of the fence, clear of what `peers` claim; `None` when the fence is too
+    /// Gives where the vehicle may be in all of the fence, on its way to a goal if it has one, clear of what `peers` claim; `None` when the fence is too
     /// large to search.
     pub fn ground(
         &self,
         now: Time,
         pose: Pose,
-        goal: Point,
+        goal: Option<Point>,
         unknown_allowed: bool,
         peers: &[Vec<Point>],
     ) -> Option<Grid> {
-        let area = self.fenced(pose.at, goal)?;
+        let area = self.fenced(pose.at, goal.unwrap_or(pose.at))?;
         self.grid(now, pose, goal, area, unknown_allowed, peers)
     }
 
@@ -159,12 +188,15 @@ impl Pilot {
 
     /// Closes what the map does not know: the fence, peers that stand, and what made the reflex halt. Where the
     /// vehicle stands, or the goal lies, nearer than wished, that much must do.
-    fn close(&self, grid: &mut Grid, now: Time, pose: Pose, goal: Point, peers: &[Vec<Point>]) {
+    fn close(&self, grid: &mut Grid, now: Time, pose: Pose, goal: Option<Point>, peers: &[Vec<Point>]) {
         let cell_m = self.settings.lattice.cell_m();
         let (fence, radius_m) = (&self.settings.fence, self.settings.body.radius_m);
-        let edge_m = fence.distance_to_edge(pose.at).min(fence.distance_to_edge(goal)) - cell_m;
-        let fence_m = self.half_width_m(pose).min(edge_m).max(radius_m);
-        grid.close_where(|place| !fence.contains_disc(place, fence_m));
+        let edge_m = |at: Point| fence.distance_to_edge(at) - cell_m;
+        // A goal may lie near the fence; but nobody comes nearer to it step by step.
+        let least_m = radius_m + 3.0 * pose.sd_m + FENCE_M;
+        let goal_m = goal.map_or(f64::INFINITY, edge_m);
+        let fence_m = self.half_width_m(pose).min(edge_m(pose.at).max(least_m)).min(goal_m).max(radius_m);
+        grid.close_outside(fence, fence_m);
         for claim in peers {
             claim.first().iter().for_each(|at| self.keep_from(grid, pose.at, Segment::new(**at, **at)));
             let pieces = claim.windows(2).map(|pair| Segment::new(pair[0], pair[1]));
@@ -174,6 +206,7 @@ impl Pilot {
             let keep_m = (bump.keep_m + cell_m).min(bump.at.distance_to(pose.at) - cell_m);
             grid.close_within(Segment::new(bump.at, bump.at), keep_m);
         }
+        grid.stand_on(self.settings.lattice.cell_at(pose.at));
     }
 
     /// Closes what lies too near to a peer's claim. Who stands too near already may leave: through the cells beside it

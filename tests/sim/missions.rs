@@ -1,0 +1,166 @@
+//! Missions that no ground station plans, told as stories: they end, nobody is touched, and they have done what they
+//! are for.
+
+use tomoswarm::geom::{Cell, Point};
+use tomoswarm::map::Occupancy;
+use tomoswarm::node::mission::End;
+use tomoswarm::sim::Outcome;
+
+use super::place::Place;
+
+/// A small yard with nothing in it but what a story adds; one rover that is home at the end.
+fn yard(mission: &str) -> Place {
+    Place::new(8.0, 8.0)
+        .vehicles(1)
+        .root("end = \"return\"\nuntil_s = 3600.0")
+        .with(&format!("[mission]\n{mission}"))
+}
+
+fn end_of(outcome: &Outcome, vehicle: usize) -> &End {
+    let (_, end) = &outcome.missions[vehicle - 1];
+    &end.as_ref().expect("every mission ends").1
+}
+
+/// How near the true track of a vehicle comes to a place, metres.
+fn nearest_m(outcome: &Outcome, vehicle: usize, place: (f64, f64)) -> f64 {
+    let place = Point::new(place.0, place.1);
+    outcome.tracks[vehicle - 1].1.iter().map(|at| at.distance_to(place)).fold(f64::INFINITY, f64::min)
+}
+
+fn occupancy(outcome: &Outcome, at: (f64, f64)) -> Occupancy {
+    outcome.map.occupancy(0, outcome.map.lattice().cell_at(Point::new(at.0, at.1)))
+}
+
+#[test]
+fn a_square_over_open_ground_is_driven_to_its_end() {
+    let outcome = yard("kind = \"square\"\nsize_m = 6.0").run_to_the_end();
+    assert_eq!(end_of(&outcome, 1), &End::Done);
+    for corner in [(1.0, 7.0), (7.0, 7.0), (7.0, 1.0), (1.0, 1.0)] {
+        assert!(nearest_m(&outcome, 1, corner) < 0.4, "{corner:?}");
+    }
+    assert_eq!(outcome.home, 1);
+}
+
+#[test]
+fn a_square_ends_in_front_of_what_stands_on_it_and_not_in_it() {
+    let outcome = yard("kind = \"square\"\nsize_m = 6.0").block((4.0, 7.0, 1.0, 1.0)).run_to_the_end();
+    let End::Stopped(at) = end_of(&outcome, 1) else { panic!("{:?}", end_of(&outcome, 1)) };
+    assert!((at.x_m - 3.5).abs() < 0.4 && (at.y_m - 7.0).abs() < 0.8, "{at:?}");
+    assert!(nearest_m(&outcome, 1, (7.0, 7.0)) > 3.0, "it goes no further");
+    assert_eq!(outcome.home, 1);
+}
+
+#[test]
+fn forward_goes_as_far_as_it_is_told_or_until_something_stands_there() {
+    let heading = std::f64::consts::FRAC_1_SQRT_2;
+    let free = yard("kind = \"forward\"\ndistance_m = 4.0").run_to_the_end();
+    assert_eq!(end_of(&free, 1), &End::Done);
+    let goal = (-1.0 + 4.0 * heading, -1.0 + 4.0 * heading);
+    assert!(nearest_m(&free, 1, goal) < 0.4);
+    let barred = yard("kind = \"forward\"\ndistance_m = 4.0").block((2.0, 2.0, 1.5, 1.5)).run_to_the_end();
+    assert!(matches!(end_of(&barred, 1), End::Stopped(_)));
+    assert!(nearest_m(&barred, 1, goal) > 0.5);
+}
+
+#[test]
+fn browse_sees_all_around_without_leaving_its_place() {
+    let outcome = yard("kind = \"browse\"").home(1, (4.0, 4.0)).block((6.0, 4.0, 0.4, 2.0)).run_to_the_end();
+    assert_eq!(end_of(&outcome, 1), &End::Done);
+    assert!(outcome.tracks[0].1.iter().all(|at| at.distance_to(Point::new(4.0, 4.0)) < 0.3));
+    for at in [(2.2, 4.0), (4.0, 5.8), (4.0, 2.2), (5.4, 4.0)] {
+        assert_eq!(occupancy(&outcome, at), Occupancy::Free, "{at:?}");
+    }
+    let wall = (0..6).map(|step| (5.9, 3.5 + 0.2 * f64::from(step)));
+    assert!(wall.clone().filter(|at| occupancy(&outcome, *at) == Occupancy::Occupied).count() >= 3);
+}
+
+#[test]
+fn pathfind_visits_places_behind_a_wall() {
+    let places = "kind = \"pathfind\"\nwaypoints_m = [[4.0, 6.5], [7.0, 1.0]]";
+    let outcome = yard(places).block((4.0, 4.0, 7.0, 0.4)).run_to_the_end();
+    assert_eq!(end_of(&outcome, 1), &End::Done);
+    assert!(nearest_m(&outcome, 1, (4.0, 6.5)) < 0.4 && nearest_m(&outcome, 1, (7.0, 1.0)) < 0.4);
+}
+
+#[test]
+fn pathfind_proves_that_no_way_leads_into_a_closed_room_and_visits_the_rest() {
+    let places = "kind = \"pathfind\"\nwaypoints_m = [[4.0, 4.0], [7.0, 7.5]]";
+    let room = [(4.0, 2.5, 3.4, 0.4), (4.0, 5.5, 3.4, 0.4), (2.5, 4.0, 0.4, 3.4), (5.5, 4.0, 0.4, 3.4)];
+    let outcome = room.into_iter().fold(yard(places), Place::block).run_to_the_end();
+    assert_eq!(end_of(&outcome, 1), &End::NoWay(1));
+    assert!(nearest_m(&outcome, 1, (7.0, 7.5)) < 0.4);
+    assert!(outcome.log.contains("NoWay("));
+}
+
+#[test]
+fn what_vehicles_visit_is_shared_among_them() {
+    let places = "kind = \"pathfind\"\nwaypoints_m = [[1.0, 7.0], [7.0, 1.0], [2.0, 4.0], [6.0, 4.0]]";
+    let outcome = yard(places).vehicles(2).run_to_the_end();
+    let visits = |vehicle: usize| {
+        let who = format!("vehicle {vehicle} Visited");
+        outcome.log.lines().filter(|line| line.contains(&who)).count()
+    };
+    assert_eq!((visits(1), visits(2)), (2, 2));
+    assert_eq!(outcome.home, 2);
+}
+
+/// Cells of the yard, fence included, that a rover could see and does not know.
+fn unknown_share(outcome: &Outcome, is_hidden: impl Fn(Point) -> bool) -> f64 {
+    let lattice = outcome.map.lattice();
+    let cells = (-11..51).flat_map(|y| (-11..51).map(move |x| Cell::new(x, y)));
+    let seen: Vec<Cell> = cells.filter(|cell| !is_hidden(lattice.centre(*cell))).collect();
+    let unknown = seen.iter().filter(|cell| outcome.map.occupancy(0, **cell) == Occupancy::Unknown).count();
+    unknown as f64 / seen.len() as f64
+}
+
+#[test]
+fn explore_and_search_know_everything_that_can_be_reached() {
+    let is_hidden = |at: Point| (2.8..=5.2).contains(&at.x_m) && (2.8..=5.2).contains(&at.y_m);
+    for mission in ["explore", "search"] {
+        let outcome =
+            yard(&format!("kind = \"{mission}\"")).block((4.0, 4.0, 2.0, 2.0)).run_to_the_end();
+        assert_eq!(end_of(&outcome, 1), &End::Done, "{mission}");
+        let unknown = unknown_share(&outcome, is_hidden);
+        assert!(unknown < 0.03, "{mission}: {unknown}");
+        let sides = [(4.0, 3.0), (4.0, 5.0), (3.0, 4.0), (5.0, 4.0)];
+        let is_seen = |(x_m, y_m): (f64, f64)| {
+            let around = (-1..=1).flat_map(|dx| (-1..=1).map(move |dy| (dx, dy)));
+            let mut around = around.map(|(dx, dy)| (x_m + 0.2 * f64::from(dx), y_m + 0.2 * f64::from(dy)));
+            around.any(|at| occupancy(&outcome, at) == Occupancy::Occupied)
+        };
+        assert!(sides.into_iter().all(is_seen), "{mission}");
+    }
+}
+
+#[test]
+fn two_explorers_share_the_work() {
+    let ended_s = |vehicles: usize| {
+        let outcome = yard("kind = \"explore\"").vehicles(vehicles).block((4.0, 4.0, 2.0, 2.0)).run_to_the_end();
+        assert_eq!(outcome.home, vehicles);
+        let ends = outcome.missions.iter().filter_map(|(_, end)| end.as_ref());
+        ends.map(|(at, _)| at.as_secs_f64()).fold(0.0, f64::max)
+    };
+    let (alone_s, both_s) = (ended_s(1), ended_s(2));
+    assert!(both_s < 0.75 * alone_s, "{both_s} s against {alone_s} s");
+}
+
+#[test]
+fn eight_explorers_behind_one_doorway_all_come_home() {
+    // Two rooms; everybody starts in the one and all that is left to see is in the other.
+    for seed in 1..4 {
+        let outcome = yard("kind = \"explore\"")
+            .vehicles(8)
+            .seed(seed)
+            .block((4.0, 1.2, 0.4, 8.4))
+            .block((4.0, 8.8, 0.4, 4.2))
+            .run_to_the_end();
+        assert_eq!(outcome.home, 8, "seed {seed}");
+    }
+}
+
+#[test]
+fn a_mission_is_the_same_again_with_the_same_seed() {
+    let place = yard("kind = \"explore\"").vehicles(2).block((4.0, 4.0, 2.0, 2.0));
+    assert_eq!(place.run().log, place.run().log);
+    assert_ne!(place.run().log, place.seed(2).run().log);
+}
