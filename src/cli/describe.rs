@@ -360,6 +360,9 @@ pub(super) fn sweep_line(sweep: &Sweep, is_empty_first: bool) -> Line {
     let planner = match sweep.planner {
         Planner::RotatingGap => "rotating gap",
         Planner::Fan => "fan",
+        Planner::Calibrate => "calibration",
+        Planner::FanCorners => "fan from the corners",
+        Planner::FanStraight => "straight fan",
     };
     let laps = sweep.laps.map_or("the planner's laps".to_owned(), |laps| format!("{laps} laps"));
     let first = if is_empty_first { ", an empty sweep first" } else { "" };
