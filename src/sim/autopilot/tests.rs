@@ -136,7 +136,9 @@ fn what_makes_no_sense_is_denied_and_changes_nothing() {
         assert_eq!(rover.ask(secs(61.0), ask.clone()), Answer::Denied, "{ask:?}");
         assert_eq!(rover.next_change(), ends, "{ask:?}");
     }
-    assert_eq!(rover.ask(secs(61.0), Ask::Takeoff { altitude_m: 5.0 }), Answer::Unsupported);
+    let takes_off = rover.ask(secs(61.0), Ask::Takeoff { altitude_m: 5.0 });
+    assert_eq!((takes_off, takes_off.code()), (Answer::Unsupported, 3));
+    assert_eq!([Answer::Accepted, Answer::Denied, Answer::Failed].map(Answer::code), [0, 2, 4]);
 }
 
 #[test]
