@@ -41,10 +41,10 @@ pub mod recording;
 #[cfg(feature = "net")]
 pub mod replay;
 mod report;
-mod screen;
 pub mod scene;
 mod scene_pictures;
 mod scene_text;
+mod screen;
 pub mod sim;
 #[cfg(feature = "net")]
 pub mod status;

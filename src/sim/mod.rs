@@ -21,8 +21,8 @@ pub mod range;
 mod scenario;
 pub mod script;
 mod shown;
-pub mod visible;
 pub mod staging;
+pub mod visible;
 mod world;
 
 pub use entry::Entry;
