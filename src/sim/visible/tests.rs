@@ -13,7 +13,7 @@ const CELL_M: f64 = 0.2;
 fn block(x0_m: f64, y0_m: f64, x1_m: f64, y1_m: f64) -> Post {
     Post {
         name: "block".to_owned(),
-        footprint: Footprint::Convex(Rect::new(Point::new(x0_m, y0_m), Point::new(x1_m, y1_m)).polygon()),
+        footprint: Footprint::Corners(Rect::new(Point::new(x0_m, y0_m), Point::new(x1_m, y1_m)).polygon()),
         low_m: 0.0,
         high_m: 2.0,
         material: Material::default(),
