@@ -13,6 +13,7 @@ use super::load;
 use super::read;
 use crate::config::{self, Config, SceneFile, Up};
 use crate::scene::VrmlScene;
+use crate::sim::staging;
 
 /// DEF names that are listed.
 const NAMES_SHOWN: usize = 30;
@@ -112,6 +113,11 @@ fn understand_config(path: &Path) -> Result<String, CliError> {
         Config::Scene(scene) => {
             let shapes = load::shapes_of(scene, loader)?;
             check_materials(path, scene, &shapes)?;
+            let persons: Vec<_> = scene.persons.iter().map(staging::person).collect();
+            staging::build(scene, &shapes.shapes, &persons).map_err(|error| CliError::Input {
+                path: path.to_owned(),
+                reason: format!("scene: {error}"),
+            })?;
             understood += &shapes_lines(&shapes);
         }
         Config::Experiment(_) => experiment::check(path)?,

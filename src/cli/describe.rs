@@ -5,7 +5,7 @@ use std::fmt::Write;
 
 use super::describe_nodes::{ground_lines, operator_lines, vehicle_lines};
 use crate::config::{
-    Axis, Body, Config, Craft, Experiment, Fault, FaultKind, Flight, Imaging, Lobe, Look, Planner,
+    Axis, Body, Config, Craft, Experiment, Fault, FaultKind, Flight, Imaging, Lobe, Look, Material, Planner,
     RandomPersons, RangeSensor, Safety, SceneFile, Sim, Sweep, Task, Venue,
 };
 use crate::geom::Point;
@@ -99,16 +99,10 @@ fn scene_lines(scene: &SceneFile) -> Vec<Line> {
         ("shapes", format!("{shapes}, {:?} up, moved by {:?} m", scene.up, scene.offset_m)),
     ];
     for (name, material) in &scene.materials {
-        list.push((
-            "material",
-            format!("{name}: {} dB/m, {} dB a crossing", material.db_per_m, material.db_per_crossing),
-        ));
+        list.push(("material", format!("{name}: {}", material_text(material))));
     }
     let other = scene.default_material;
-    list.push((
-        "material",
-        format!("of others: {} dB/m, {} dB a crossing", other.db_per_m, other.db_per_crossing),
-    ));
+    list.push(("material", format!("of others: {}", material_text(&other))));
     list.push(("objects", scene.objects.len().to_string()));
     for person in &scene.persons {
         list.push((
@@ -124,6 +118,13 @@ fn scene_lines(scene: &SceneFile) -> Vec<Line> {
     }
     list.extend(scene.random_persons.as_ref().map(random_line));
     list
+}
+
+/// Describes what a body is made of.
+pub(super) fn material_text(material: &Material) -> String {
+    let colour = material.colour.map(|[red, green, blue]| format!(", #{red:02x}{green:02x}{blue:02x}"));
+    let (inside, crossing) = (material.db_per_m, material.db_per_crossing);
+    format!("{inside} dB/m, {crossing} dB a crossing{}", colour.unwrap_or_default())
 }
 
 fn random_line(random: &RandomPersons) -> Line {
@@ -360,6 +361,9 @@ pub(super) fn sweep_line(sweep: &Sweep, is_empty_first: bool) -> Line {
     let planner = match sweep.planner {
         Planner::RotatingGap => "rotating gap",
         Planner::Fan => "fan",
+        Planner::Calibrate => "calibration",
+        Planner::FanCorners => "fan from the corners",
+        Planner::FanStraight => "straight fan",
     };
     let laps = sweep.laps.map_or("the planner's laps".to_owned(), |laps| format!("{laps} laps"));
     let first = if is_empty_first { ", an empty sweep first" } else { "" };

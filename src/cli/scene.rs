@@ -21,7 +21,7 @@ const FAMILY: &[&str] = &["plan.png", "view.png"];
 /// The height of the plan where no range sensor is known, metres.
 const PLAN_M: f64 = 0.3;
 /// Sides of the view, pixels.
-const SIDES_PX: std::ops::RangeInclusive<usize> = 16..=4096;
+const SIDES_PX: std::ops::RangeInclusive<usize> = 16..=2048;
 
 /// Print what a scene holds, and draw it: a floor plan and a view from any place.
 ///
@@ -41,7 +41,7 @@ pub struct SceneArgs {
     /// north), then degrees above the horizon (below it: negative) [default: all of it, from above the south-west]
     #[arg(long, value_name = "X,Y,Z,YAW[,PITCH]", allow_hyphen_values = true, value_parser = parse_pose)]
     pub pose: Option<Viewpoint>,
-    /// Width and height of the view, 16 to 4096 pixels each
+    /// Width and height of the view, 16 to 2048 pixels each
     #[arg(long, value_name = "WxH", default_value = "960x600", value_parser = parse_size)]
     pub size: (usize, usize),
     /// How wide the view is from side to side, 5 to 150 degrees
@@ -207,7 +207,7 @@ fn parse_size(text: &str) -> Result<(usize, usize), String> {
         text.split_once(['x', 'X']).and_then(|(wide, high)| Some((wide.parse().ok()?, high.parse().ok()?)));
     sides
         .filter(|(wide, high)| SIDES_PX.contains(wide) && SIDES_PX.contains(high))
-        .ok_or_else(|| "expected WIDTHxHEIGHT such as 960x600, 16 to 4096 pixels each".to_owned())
+        .ok_or_else(|| "expected WIDTHxHEIGHT such as 960x600, 16 to 2048 pixels each".to_owned())
 }
 
 fn parse_field(text: &str) -> Result<f64, String> {
@@ -260,7 +260,10 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         for (file, words) in [
             ("configs/courtyard.sim.toml", vec!["scene courtyard", "Wall: 20 dB/m", "person 2", "8 homes"]),
-            ("scenes/house.scene.toml", vec!["scene house", "Window: 0 dB/m, 3 dB a crossing; 6 shapes"]),
+            (
+                "scenes/house.scene.toml",
+                vec!["scene house", "Window: 0 dB/m, 3 dB a crossing, #7fb2cc; 6 shapes"],
+            ),
             ("scenes/courtyard.wrl", vec!["scene courtyard", "2 shapes", "NorthArm"]),
         ] {
             let out = folder.path().join(file.replace('/', "-"));
@@ -296,7 +299,7 @@ mod tests {
         check(
             "s.toml",
             "kind = \"scene\"\n[[object]]\noutline_m = [[0, 0]]\ncolour = \"red\"\n",
-            "colour = red",
+            "colour = \"red\"",
         );
         assert!(run(&args(&folder.path().join("gone.toml"), &out)).is_err());
     }

@@ -22,7 +22,7 @@ const HAZE_M: f64 = 600.0;
 /// What full light makes of a colour; level ground gets about 0.85 of it.
 const EXPOSURE: f64 = 1.17;
 /// Lines on the ground, one metre apart: how wide, and up to where they are drawn, metres.
-const LINE_M: f64 = 0.025;
+const LINE_M: f64 = 0.015;
 const LINES_TO_M: f64 = 40.0;
 
 /// How a scene is looked at.

@@ -1,9 +1,9 @@
 //! What `tomoswarm scene` says of a scene, in a few lines for a person.
 
-use super::describe::place;
+use super::describe::{material_text, place};
 use super::scene::Depicted;
 use super::scene_pictures::Look;
-use crate::config::{Material, Up};
+use crate::config::Up;
 use crate::geom::Point;
 use crate::scene::VrmlShape;
 
@@ -76,20 +76,16 @@ fn material_lines(depicted: &Depicted) -> Vec<Line> {
     };
     let mut lines: Vec<Line> = Vec::new();
     for (name, material) in &file.materials {
-        lines.push(("material", format!("{name}: {}; {}", in_words(material), listed(&of(Some(name))))));
+        lines.push(("material", format!("{name}: {}; {}", material_text(material), listed(&of(Some(name))))));
     }
     let others = of(None);
     if !others.is_empty() {
         lines.push((
             "material",
-            format!("of others: {}; {}", in_words(&file.default_material), listed(&others)),
+            format!("of others: {}; {}", material_text(&file.default_material), listed(&others)),
         ));
     }
     lines
-}
-
-fn in_words(material: &Material) -> String {
-    format!("{} dB/m, {} dB a crossing", material.db_per_m, material.db_per_crossing)
 }
 
 /// Gives the number of shapes and the innermost names of the first.
@@ -116,7 +112,7 @@ fn object_lines(depicted: &Depicted) -> Vec<Line> {
     let objects = &depicted.file.objects;
     let line = |object: &crate::config::Object| {
         let (low_m, high_m) = (object.bottom_m, object.top_m);
-        ("object", format!("{}: {}, z {low_m} to {high_m} m", object.name, in_words(&object.material)))
+        ("object", format!("{}: {}, z {low_m} to {high_m} m", object.name, material_text(&object.material)))
     };
     shortened(objects.iter().map(line).collect(), "object")
 }

@@ -50,7 +50,7 @@ impl GroundFile {
         let venue = load(root, "venue", loader, |root| Some(Venue::read(root)));
         let vehicles = read_vehicles(root);
         let state_dir = read_state_dir(root);
-        let sweep = Sweep::read(&root.section("sweep"), vehicles.len());
+        let sweep = Sweep::read(&root.section("sweep"), vehicles.len(), None);
         let imaging = Imaging::read(&root.section("imaging"));
         let separation_m = read_alone(&root.section("safety"), read_separation_m);
         let sensitivity_dbm = read_alone(&root.section("radio"), read_sensitivity_dbm);

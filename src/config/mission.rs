@@ -11,6 +11,12 @@ pub enum Planner {
     RotatingGap,
     /// One stands, the others drive: for comparison.
     Fan,
+    /// The original's calibration: each of two drives round to all points but the other's.
+    Calibrate,
+    /// The original's fan: one of two stands on a corner while the other drives the three sides before it.
+    FanCorners,
+    /// The original's straight fan: both drive along opposite sides, then one along the two sides opposite to the other.
+    FanStraight,
 }
 
 /// How a sweep is driven.
@@ -29,14 +35,25 @@ pub struct Sweep {
 }
 
 impl Sweep {
-    pub(super) fn read(section: &Section, vehicles: usize) -> Sweep {
-        let names = [("rotating-gap", Planner::RotatingGap), ("fan", Planner::Fan)];
-        let planner = section.choice("planner", Planner::RotatingGap, &names);
+    /// Reads how a sweep of so many vehicles is driven; a mission may say the planner.
+    pub(super) fn read(section: &Section, vehicles: usize, mission: Option<Planner>) -> Sweep {
+        let names = [
+            ("rotating-gap", Planner::RotatingGap),
+            ("fan", Planner::Fan),
+            ("calibrate", Planner::Calibrate),
+            ("fan-corners", Planner::FanCorners),
+            ("fan-straight", Planner::FanStraight),
+        ];
+        let planner = section.choice("planner", mission.unwrap_or(Planner::RotatingGap), &names);
         let positions = section.whole("positions", 76, 8..=2000);
+        if mission.is_some_and(|mission| mission != planner) {
+            section.refuse("planner", "is another one than mission.kind says", "leave one of them out");
+        }
         // A fan has a round for every position that one may stand at.
         let most_laps = match planner {
             Planner::RotatingGap => 64,
-            Planner::Fan => positions,
+            Planner::Fan | Planner::Calibrate => positions,
+            Planner::FanCorners | Planner::FanStraight => 4,
         };
         let sweep = Sweep {
             planner,
@@ -54,13 +71,40 @@ impl Sweep {
 /// The smallest gap between two vehicles on the ring, steps.
 pub(super) const SMALLEST_GAP: usize = 4;
 
+impl Planner {
+    /// Tells whether it drives a pattern of the original, over the points of a lattice.
+    pub fn is_pattern(self) -> bool {
+        match self {
+            Planner::RotatingGap | Planner::Fan => false,
+            Planner::Calibrate | Planner::FanCorners | Planner::FanStraight => true,
+        }
+    }
+}
+
 fn check_sweep(section: &Section, sweep: &Sweep, vehicles: usize) {
+    if sweep.planner.is_pattern() {
+        check_pattern(section, sweep, vehicles);
+    }
     if sweep.planner == Planner::RotatingGap && vehicles * SMALLEST_GAP > sweep.positions {
         let wrong = format!("is too few for {vehicles} vehicles at least {SMALLEST_GAP} steps apart");
         section.refuse("positions", &wrong, "4 positions a vehicle are needed");
     }
     if sweep.dwell_limit < sweep.dwell {
         section.refuse("dwell_limit_s", "is shorter than dwell_s", "at least dwell_s is allowed");
+    }
+}
+
+fn check_pattern(section: &Section, sweep: &Sweep, vehicles: usize) {
+    if !sweep.positions.is_multiple_of(4) {
+        let rule = "a multiple of 4 is needed: the points along the border of a square lattice";
+        section.refuse("positions", "makes no square lattice", rule);
+    }
+    if vehicles != 2 {
+        let wrong = format!("drives two vehicles, not {vehicles}");
+        section.refuse("planner", &wrong, "vehicles.count = 2 is needed");
+    }
+    if section.has("laps") {
+        section.refuse("laps", "means nothing to a pattern", "leave it out: a pattern is driven once");
     }
 }
 

@@ -85,7 +85,7 @@ impl Sim {
     ) -> Option<Sim> {
         let venue = load(root, "venue", loader, |root| Some(Venue::read(root)));
         let scene = load(root, "scene", loader, |root| Some(SceneFile::read(root)));
-        let task = Task::read(&root.section("mission"), venue.as_ref(), loader);
+        let (task, planner) = Task::read(&root.section("mission"), venue.as_ref(), loader);
         let allowed = if task.is_planned_by_ground() { allowed } else { PARTY };
         let fleet = Vehicles::read(&root.section("vehicles"), vehicles, allowed);
         let count = fleet.count;
@@ -93,7 +93,7 @@ impl Sim {
         let (range, safety) =
             (RangeSensor::read(&root.section("range")), Safety::read(&root.section("safety")));
         let (radio, bus) = (Radio::read(&root.section("radio")), Bus::read(&root.section("bus"), count));
-        let sweep = Sweep::read(&root.section("sweep"), count.min(*SWARM.end()));
+        let sweep = Sweep::read(&root.section("sweep"), count.min(*SWARM.end()), planner);
         let empty_sweep = root.flag("empty_sweep", false);
         let imaging = Imaging::read(&root.section("imaging"));
         let durations = Durations::read(&root.section("durations"));

@@ -1,6 +1,7 @@
 //! The section `[mission]`: what every vehicle is out for. Without it vehicles sweep: they follow the plans of the
 //! ground station. What a mission does with its places is decided by the vehicle, see `node::mission`.
 
+use super::mission::Planner;
 use super::problem::Problems;
 use super::section::{COORDINATE_M, Section};
 use super::venue::Venue;
@@ -45,6 +46,9 @@ pub enum Task {
 #[derive(Clone, Copy)]
 enum Kind {
     Sweep,
+    Calibrate,
+    Fan,
+    FanStraight,
     Square,
     Waypoints,
     Forward,
@@ -54,8 +58,11 @@ enum Kind {
     Explore,
 }
 
-const KINDS: [(&str, Kind); 8] = [
+const KINDS: [(&str, Kind); 11] = [
     ("sweep", Kind::Sweep),
+    ("calibrate", Kind::Calibrate),
+    ("fan", Kind::Fan),
+    ("fan-straight", Kind::FanStraight),
     ("square", Kind::Square),
     ("waypoints", Kind::Waypoints),
     ("forward", Kind::Forward),
@@ -88,11 +95,16 @@ impl Task {
     }
 
     /// Reads the section, and the waypoint file that it may name; a square lies in the middle of the venue's area unless
-    /// it says where.
-    pub(super) fn read(section: &Section, venue: Option<&Venue>, loader: &mut Loader) -> Task {
+    /// it says where. A sweep may say its planner by that.
+    pub(super) fn read(
+        section: &Section,
+        venue: Option<&Venue>,
+        loader: &mut Loader,
+    ) -> (Task, Option<Planner>) {
         let area = venue.map(|venue| venue.area);
-        let task = match section.choice("kind", Kind::Sweep, &KINDS) {
-            Kind::Sweep => Task::Sweep,
+        let kind = section.choice("kind", Kind::Sweep, &KINDS);
+        let task = match kind {
+            Kind::Sweep | Kind::Calibrate | Kind::Fan | Kind::FanStraight => Task::Sweep,
             Kind::Square => Task::Legs { places: closed(read_square(section, area)) },
             Kind::Waypoints => Task::Legs { places: read_places(section, venue, loader) },
             Kind::Forward => Task::Forward { distance_m: section.number("distance_m", 5.0, 0.1..=1000.0) },
@@ -105,7 +117,24 @@ impl Task {
             Kind::Explore => Task::Explore,
         };
         section.finish();
-        task
+        (task, planner(kind))
+    }
+}
+
+/// Gives the planner that a kind of sweep needs.
+fn planner(kind: Kind) -> Option<Planner> {
+    match kind {
+        Kind::Calibrate => Some(Planner::Calibrate),
+        Kind::Fan => Some(Planner::FanCorners),
+        Kind::FanStraight => Some(Planner::FanStraight),
+        Kind::Sweep
+        | Kind::Square
+        | Kind::Waypoints
+        | Kind::Forward
+        | Kind::Browse
+        | Kind::Search
+        | Kind::Pathfind
+        | Kind::Explore => None,
     }
 }
 

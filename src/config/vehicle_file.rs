@@ -85,7 +85,7 @@ impl VehicleFile {
         let venue = load(root, "venue", loader, |root| Some(Venue::read(root)));
         let id = read_id(root);
         let state_dir = read_state_dir(root);
-        let task = Task::read(&root.section("mission"), venue.as_ref(), loader);
+        let (task, _) = Task::read(&root.section("mission"), venue.as_ref(), loader);
         let body = read_body(&root.section("vehicle"));
         let mut is_simulated =
             [read_autopilot(&root.section("autopilot")), read_servo(&root.section("servo"))].contains(&true);

@@ -12,7 +12,7 @@ use crate::config::{
     GroundFile, Imaging, Planner as PlannerName, Sim, Solver as SolverName, Sweep, Venue, Weights,
 };
 use crate::geom::{Lattice, PixelGrid, Rect};
-use crate::sweep::{Ring, SweepError};
+use crate::sweep::{PatternKind, Ring, SweepError};
 use crate::tomo::{MapSettings, Prior, SPOT_M, Settings as ImageSettings, Solver, TomoError, WeightModel};
 
 /// What a ground station is made of, before it begins.
@@ -161,7 +161,14 @@ pub fn method(sweep: &Sweep) -> Method {
             let (dwell, dwell_limit) = (sweep.dwell, sweep.dwell_limit);
             Method::Fan { rounds: laps, dwell, dwell_limit }
         }
+        PlannerName::Calibrate => pattern(sweep, PatternKind::Calibrate),
+        PlannerName::FanCorners => pattern(sweep, PatternKind::Fan),
+        PlannerName::FanStraight => pattern(sweep, PatternKind::FanStraight),
     }
+}
+
+fn pattern(sweep: &Sweep, kind: PatternKind) -> Method {
+    Method::Pattern { kind, dwell: sweep.dwell, dwell_limit: sweep.dwell_limit }
 }
 
 /// Gives how an image is made of a subject: the defaults for the area, and what the file says.

@@ -12,7 +12,9 @@ use tomoswarm_proto::{Plan, Revision, RunId, StopId, VehicleId};
 
 use crate::actor::{Actor, Class, Fault, Input};
 use crate::geom::Point;
-use crate::sweep::{self, FanRequest, GapRequest, Ring, Sweep, SweepError};
+use crate::sweep::{
+    self, FanRequest, GapRequest, Pattern, PatternKind, PatternRequest, Ring, Sweep, SweepError,
+};
 use crate::time::{Deadline, Time};
 
 /// Which planner, and its parameters.
@@ -30,6 +32,15 @@ pub enum Method {
         /// Time at each stop.
         dwell: Duration,
         /// Time at each stop at most, when partners do not come.
+        dwell_limit: Duration,
+    },
+    /// A measurement pattern of the original, over the lattice whose border the positions are.
+    Pattern {
+        /// Which.
+        kind: PatternKind,
+        /// Time at each stop.
+        dwell: Duration,
+        /// Time at each stop at most, when the partner does not come.
         dwell_limit: Duration,
     },
 }
@@ -83,6 +94,7 @@ impl Planner {
 /// Too few or too many vehicles, or an area in which the sweep cannot be driven.
 pub fn plan(ring: &Ring, method: Method, separation_m: f64, request: &Request) -> Result<Sweep, SweepError> {
     let Request { run, revision, places, first_lap } = request.clone();
+    let milliseconds = |span: Duration| u32::try_from(span.as_millis()).unwrap_or(u32::MAX);
     match method {
         Method::RotatingGap { laps } => {
             let default = sweep::default_laps(ring.positions(), places.len());
@@ -93,11 +105,24 @@ pub fn plan(ring: &Ring, method: Method, separation_m: f64, request: &Request) -
         }
         Method::Fan { rounds, dwell, dwell_limit } => {
             let rounds = rounds.unwrap_or(ring.positions()).saturating_sub(first_lap).max(1);
-            let milliseconds = |span: Duration| u32::try_from(span.as_millis()).unwrap_or(u32::MAX);
             let (dwell_ms, dwell_limit_ms) = (milliseconds(dwell), milliseconds(dwell_limit));
             let vehicles = places;
             let fan = FanRequest { run, revision, vehicles, rounds, dwell_ms, dwell_limit_ms, separation_m };
             sweep::fan(ring, &fan)
+        }
+        Method::Pattern { kind, dwell, dwell_limit } => {
+            let pattern = Pattern::new(kind, ring.positions() / 4 + 1)?;
+            let pattern_request = PatternRequest {
+                run,
+                revision,
+                vehicles: places,
+                area: ring.area(),
+                first_round: first_lap,
+                dwell_ms: milliseconds(dwell),
+                dwell_limit_ms: milliseconds(dwell_limit),
+                separation_m,
+            };
+            sweep::pattern_sweep(&pattern, &pattern_request)
         }
     }
 }

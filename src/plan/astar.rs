@@ -18,8 +18,8 @@ use super::terrain::{Escape, Terrain};
 use super::turning;
 use crate::geom::{Angle, Cell};
 
-/// Width of a bucket: 1/64 of a cell.
-const BUCKET: u64 = STRAIGHT / 64;
+/// Width of a bucket: 1/16 of a cell.
+const BUCKET: u64 = STRAIGHT / 16;
 
 /// How one may drive over a grid.
 #[derive(Clone, Copy, PartialEq, Debug)]

@@ -19,6 +19,8 @@ pub(super) struct Buckets {
     /// All entries, linked within their buckets and, once taken, as free places.
     entries: Vec<Entry>,
     free: u32,
+    /// The last entry of the current bucket, which comes next: it needs no link.
+    held: u32,
     /// Width of a bucket, as a power of two.
     width_bits: u32,
     /// Number of the bucket that is being emptied.
@@ -37,16 +39,41 @@ impl Buckets {
         // Two more: neither the bucket of the entry taken nor that of the priority is filled exactly.
         let buckets = ((span >> width_bits) + 2).next_power_of_two() as usize;
         let entries = Vec::with_capacity(1024);
-        Buckets { heads: vec![NONE; buckets], entries, free: NONE, width_bits, current: 0, len: 0 }
+        Buckets {
+            heads: vec![NONE; buckets],
+            entries,
+            free: NONE,
+            held: NONE,
+            width_bits,
+            current: 0,
+            len: 0,
+        }
     }
 
-    /// Adds an entry.
+    /// Adds an entry; its item is less than the largest number.
     #[inline]
     pub(super) fn push(&mut self, priority: u64, item: u32) {
         let bucket = priority >> self.width_bits;
-        if self.len == 0 || bucket < self.current {
+        self.len += 1;
+        if bucket == self.current {
+            let before = std::mem::replace(&mut self.held, item);
+            if before != NONE {
+                self.link(bucket, before);
+            }
+            return;
+        }
+        if self.len == 1 || bucket < self.current {
+            let before = std::mem::replace(&mut self.held, NONE);
+            if before != NONE {
+                self.link(self.current, before);
+            }
             self.current = bucket;
         }
+        self.link(bucket, item);
+    }
+
+    #[inline]
+    fn link(&mut self, bucket: u64, item: u32) {
         let place = bucket as usize & (self.heads.len() - 1);
         let entry = Entry { item, next: self.heads[place] };
         if self.free == NONE {
@@ -58,7 +85,6 @@ impl Buckets {
             self.free = kept.next;
             *kept = entry;
         }
-        self.len += 1;
     }
 
     /// Takes the last entry of the lowest bucket.
@@ -66,6 +92,10 @@ impl Buckets {
     pub(super) fn pop(&mut self) -> Option<u32> {
         if self.len == 0 {
             return None;
+        }
+        self.len -= 1;
+        if self.held != NONE {
+            return Some(std::mem::replace(&mut self.held, NONE));
         }
         let mask = self.heads.len() - 1;
         let mut place = self.current as usize & mask;
@@ -78,7 +108,6 @@ impl Buckets {
         self.heads[place] = entry.next;
         entry.next = self.free;
         self.free = head;
-        self.len -= 1;
         Some(entry.item)
     }
 }

@@ -70,26 +70,14 @@ impl Clearance {
             return;
         };
         self.widen(window);
-        let view = map.view(self.slice, area);
-        let solid = |cell| match view.occupancy(cell) {
-            Occupancy::Free => false,
-            Occupancy::Unknown => self.unknown_is_solid,
-            Occupancy::Occupied => true,
-        };
-        let mut turned: Option<CellRect> = None;
-        let mut turns = Vec::new();
-        for y in area.low.y..=area.high.y {
-            for x in area.low.x..=area.high.x {
-                let cell = Cell::new(x, y);
-                if solid(cell) != self.is_solid(cell) {
-                    let only = CellRect { low: cell, high: cell };
-                    turned = Some(turned.map_or(only, |turned| turned.join(only)));
-                    turns.push(cell);
-                }
+        let turned = self.turned(map, area);
+        for cell in &turned {
+            if let Some(place) = self.place(*cell) {
+                self.squares[place] = if self.squares[place] == 0 { FAR } else { 0 };
             }
         }
-        self.turn(&turns);
-        if let Some(region) = turned.and_then(|turned| turned.grown(self.reach_cells).overlap(self.bounds)) {
+        let around = turned.iter().map(|cell| CellRect { low: *cell, high: *cell }).reduce(CellRect::join);
+        if let Some(region) = around.and_then(|around| around.grown(self.reach_cells).overlap(self.bounds)) {
             self.measure(region);
         }
     }
@@ -120,23 +108,34 @@ impl Clearance {
     /// Fills a row of bytes, from a cell on, with what `judge` makes of the squared distances (cells², [`FAR`] beyond
     /// the reach; `None` outside the bounds).
     pub(super) fn read_row(&self, x: i32, y: i32, line: &mut [u8], judge: impl Fn(Option<u16>) -> u8) {
-        for (x, byte) in (x..).zip(line.iter_mut()) {
-            let cell = Cell::new(x, y);
-            *byte = judge(self.bounds.contains(cell).then(|| self.square(cell)));
+        let row =
+            CellRect::new(Cell::new(x, y), Cell::new(x.saturating_add_unsigned(line.len() as u32 - 1), y));
+        let part_of = |part: CellRect| part.low.x.abs_diff(x) as usize..=part.high.x.abs_diff(x) as usize;
+        line.fill(judge(None));
+        if let Some(part) = row.overlap(self.bounds) {
+            line[part_of(part)].fill(judge(Some(self.unseen())));
         }
+        let Some(part) = self.window.and_then(|window| row.overlap(window)) else {
+            return;
+        };
+        if let Some(place) = self.place(part.low) {
+            let kept = &self.squares[place..];
+            line[part_of(part)].iter_mut().zip(kept).for_each(|(byte, square)| *byte = judge(Some(*square)));
+        }
+    }
+
+    /// Gives what counts for cells within bounds that have never been looked at.
+    fn unseen(&self) -> u16 {
+        if self.unknown_is_solid { 0 } else { FAR }
     }
 
     /// Gives the squared distance of a cell, cells²: the one kept, or what counts for all others.
     fn square(&self, cell: Cell) -> u16 {
         match self.place(cell) {
             Some(place) => self.squares[place],
-            None if self.unknown_is_solid && self.bounds.contains(cell) => 0,
+            None if self.bounds.contains(cell) => self.unseen(),
             None => FAR,
         }
-    }
-
-    fn is_solid(&self, cell: Cell) -> bool {
-        self.square(cell) == 0
     }
 
     fn place(&self, cell: Cell) -> Option<usize> {
@@ -152,7 +151,7 @@ impl Clearance {
             return;
         }
         let (width, height) = (window.width_cells() as usize, window.height_cells() as usize);
-        let mut squares = vec![if self.unknown_is_solid { 0 } else { FAR }; width * height];
+        let mut squares = vec![self.unseen(); width * height];
         if let Some(old) = self.window {
             let old_width = old.width_cells() as usize;
             let left = old.low.x.abs_diff(window.low.x) as usize;
@@ -164,13 +163,25 @@ impl Clearance {
         (self.window, self.squares) = (Some(window), squares);
     }
 
-    /// Makes solid cells open and open ones solid. Their distances are measured afterwards.
-    fn turn(&mut self, cells: &[Cell]) {
-        for cell in cells {
-            if let Some(place) = self.place(*cell) {
-                self.squares[place] = if self.squares[place] == 0 { FAR } else { 0 };
+    /// Gives the cells of an area that were solid and are not, or the other way round.
+    fn turned(&self, map: &Merged, area: CellRect) -> Vec<Cell> {
+        let view = map.view(self.slice, area);
+        let (mut turned, mut solid) = (Vec::new(), vec![0; area.width_cells() as usize]);
+        for y in area.low.y..=area.high.y {
+            self.read_row(area.low.x, y, &mut solid, |square| u8::from(square == Some(0)));
+            for (x, was_solid) in (area.low.x..=area.high.x).zip(&solid) {
+                let cell = Cell::new(x, y);
+                let is_solid = match view.occupancy(cell) {
+                    Occupancy::Free => false,
+                    Occupancy::Unknown => self.unknown_is_solid,
+                    Occupancy::Occupied => true,
+                };
+                if is_solid != (*was_solid != 0) {
+                    turned.push(cell);
+                }
             }
         }
+        turned
     }
 
     /// Measures the distances of all cells in a region of the window anew: first along the columns, then from
@@ -200,11 +211,13 @@ impl Clearance {
     fn measured_columns(&self, columns: CellRect, wide: CellRect) -> Vec<u8> {
         let width = columns.width_cells() as usize;
         let mut heights = vec![NONE; width * columns.height_cells() as usize];
-        let mut since = vec![NONE; width];
+        let (mut since, mut solid) = (vec![NONE; width], vec![0; width]);
+        let reach = self.reach_cells as u8;
         let mut pass = |since: &mut Vec<u8>, y: i32| {
-            for (x, since) in (columns.low.x..=columns.high.x).zip(since.iter_mut()) {
-                let farther = if i32::from(*since) < self.reach_cells { *since + 1 } else { NONE };
-                *since = if self.is_solid(Cell::new(x, y)) { 0 } else { farther };
+            self.read_row(columns.low.x, y, &mut solid, |square| u8::from(square == Some(0)));
+            for (solid, since) in solid.iter().zip(since.iter_mut()) {
+                let farther = if *since < reach { *since + 1 } else { NONE };
+                *since = if *solid != 0 { 0 } else { farther };
             }
             if (columns.low.y..=columns.high.y).contains(&y) {
                 let row = y.abs_diff(columns.low.y) as usize * width;

@@ -11,7 +11,7 @@ use super::swath::rows_within;
 use crate::geom::{Cell, Lattice, Point, Polygon, Segment};
 use crate::map::{CellRect, Occupancy, View};
 
-/// A grid has at most this many cells (a search takes about 20 bytes for each).
+/// A grid has at most this many cells (a search takes about 12 bytes for each).
 pub const MAX_GRID_CELLS: u64 = 16_000_000;
 
 /// The vehicle's disc may not touch it: occupied, or unknown where that is not allowed.
@@ -282,6 +282,20 @@ impl Grid {
     /// Gives how dear the cells of a row are; nothing where all are alike.
     pub(super) fn level_row(&self, row: usize) -> &[u8] {
         self.levels.as_ref().map_or(&[], |levels| &levels[row * self.width..][..self.width])
+    }
+
+    /// Gives how dear a cell is; 0 outside.
+    pub(super) fn level(&self, cell: Cell) -> u8 {
+        let levels = self.levels.as_ref();
+        levels.zip(self.index(cell)).map_or(0, |(levels, index)| levels[index])
+    }
+
+    /// Gives how dear the dearest cell under a segment is.
+    pub(super) fn highest_level(&self, along: Segment) -> u8 {
+        if self.levels.is_none() {
+            return 0;
+        }
+        self.lattice.cells_under(along).map(|cell| self.level(cell)).max().unwrap_or(0)
     }
 
     /// Tells whether the strip along a segment is clear: no solid middle nearer than the half-width, and no

@@ -59,14 +59,21 @@ pub fn route_along(grid: &Grid, start: Point, cells: &[Cell], goal: Point) -> Re
     Ok(Route { points, length_m, cells_length_m })
 }
 
-/// Leaves out every corner that can be passed in a straight line from the last corner kept.
+/// Leaves out every corner that can be passed in a straight line from the last corner kept. Where some cells are dearer
+/// than others a line may lead through none that is dearer than all those it replaces.
 fn pulled_straight(grid: &Grid, points: &[Point]) -> Vec<Point> {
+    let level_at = |point: Point| grid.level(grid.lattice().cell_at(point));
     let mut kept = vec![points[0]];
     let mut at = 0;
     while at + 1 < points.len() {
-        let clear = |to: usize| grid.sweeps_clear(Segment::new(points[at], points[to]));
         let mut next = at + 1;
-        while next + 1 < points.len() && clear(next + 1) {
+        let mut level = level_at(points[at]).max(level_at(points[next]));
+        while next + 1 < points.len() {
+            level = level.max(level_at(points[next + 1]));
+            let along = Segment::new(points[at], points[next + 1]);
+            if !grid.sweeps_clear(along) || grid.highest_level(along) > level {
+                break;
+            }
             next += 1;
         }
         kept.push(points[next]);
@@ -79,10 +86,25 @@ fn pulled_straight(grid: &Grid, points: &[Point]) -> Vec<Point> {
 mod tests {
     use super::*;
     use crate::geom::Lattice;
-    use crate::map::CellRect;
+    use crate::map::{CellRect, Merged};
+    use crate::plan::Clearance;
     use proptest::prelude::*;
+    use std::collections::BTreeSet;
+    use std::sync::Arc;
+    use tomoswarm_proto::{Boot, LayerId, TILE_CELLS, TileAddress, TileReport, VehicleId};
 
     const CLEARANCE_M: f64 = 0.45;
+
+    /// A map of one tile in which everything is free but the stones.
+    fn map_of(stones: &BTreeSet<(i32, i32)>) -> Merged {
+        let mut cells = [-17; TILE_CELLS];
+        stones.iter().for_each(|(x, y)| cells[(y * 32 + x) as usize] = 17);
+        let mut map = Merged::new(Lattice::new(0.2), None);
+        let layer = LayerId { vehicle: VehicleId(1), boot: Boot(1) };
+        let address = TileAddress { slice: 0, x: 0, y: 0 };
+        map.join(&TileReport { layer, address, revision: 1, cells: Arc::new(cells) }).unwrap();
+        map
+    }
 
     fn grid(solid: impl Fn(Cell) -> bool) -> Grid {
         let area = CellRect::new(Cell::new(-20, -20), Cell::new(19, 19));
@@ -150,6 +172,52 @@ mod tests {
     }
 
     proptest! {
+        #[test]
+        fn a_route_leads_through_no_closed_cell_and_none_dearer_than_its_cells(
+            stones in proptest::collection::btree_set((0..32i32, 0..32i32), 0..25),
+            closed in proptest::collection::btree_set((0..32i32, 0..32i32), 0..60),
+            wished_m in proptest::option::of(0.5..1.6f64),
+            from in (0..32i32, 0..32i32), to in (0..32i32, 0..32i32),
+        ) {
+            let lattice = Lattice::new(0.2);
+            let area = CellRect::new(Cell::new(0, 0), Cell::new(31, 31));
+            let mut grid = Grid::of_cells(lattice, area, 0.2, |cell| stones.contains(&(cell.x, cell.y))).unwrap();
+            let is_closed = |cell: Cell| closed.contains(&(cell.x, cell.y));
+            grid.close_where(|place| is_closed(lattice.cell_at(place)));
+            if let Some(wished_m) = wished_m {
+                let mut clearance = Clearance::new(lattice, 0, area, 1.6, false).unwrap();
+                clearance.update(&map_of(&stones), area);
+                grid.prefer_clearance(&clearance, wished_m, 2.0);
+            }
+            let near_m = |place: Point| {
+                let stones = stones.iter().map(|(x, y)| lattice.centre(Cell::new(*x, *y)));
+                stones.map(|stone| stone.distance_to(place)).fold(f64::INFINITY, f64::min)
+            };
+            let (start, goal) = (Cell::new(from.0, from.1), Cell::new(to.0, to.1));
+            let rules = Rules::default();
+            let (from, to) = (lattice.centre(start), lattice.centre(goal));
+            if let Ok(route) = shortest_route(&grid, from, to, &rules) {
+                let cells = shortest_cells(&grid, start, goal, &rules).unwrap().cells;
+                let nearest_m = cells.iter().map(|cell| near_m(lattice.centre(*cell))).fold(f64::INFINITY, f64::min);
+                prop_assert!(route.length_m <= route.cells_length_m + 1e-9);
+                for pair in route.points.windows(2) {
+                    for share in 1..200 {
+                        let place = pair[0] + (pair[1] - pair[0]) * (f64::from(share) / 200.0);
+                        let cell = lattice.cell_at(place);
+                        // A corner of four cells belongs to none of them alone.
+                        if place.distance_to(lattice.centre(cell)) > 0.2 * 0.5_f64.sqrt() - 1e-9 {
+                            continue;
+                        }
+                        prop_assert!(!is_closed(cell) && !stones.contains(&(cell.x, cell.y)));
+                        // A level is an eighth of the price, which falls by two over the wished distance.
+                        let wished_m = wished_m.unwrap_or(0.0);
+                        let kept_m = nearest_m.min(wished_m) - wished_m / 16.0 - 1e-9;
+                        prop_assert!(wished_m == 0.0 || near_m(lattice.centre(cell)) >= kept_m);
+                    }
+                }
+            }
+        }
+
         #[test]
         fn the_whole_route_keeps_its_distance_and_is_no_longer_than_the_cells(
             stones in proptest::collection::vec((-20..20i32, -20..20i32), 0..60),

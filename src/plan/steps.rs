@@ -91,7 +91,7 @@ const fn allowed(kind: u8, open: usize) -> u8 {
     let (mut steps, mut step) = (0, 0);
     while step < 8 {
         let corner = !(is_open(open, step + 1) && is_open(open, step + 7));
-        let fits = step % 2 == 0 || kind == 2 || (kind == 1 && !corner);
+        let fits = step.is_multiple_of(2) || kind == 2 || (kind == 1 && !corner);
         if fits && is_open(open, step) {
             steps |= bit(step);
         }
@@ -103,7 +103,7 @@ const fn allowed(kind: u8, open: usize) -> u8 {
 /// Gives the steps that no other way makes needless.
 const fn wanted(kind: u8, came_by: usize, open: usize) -> u8 {
     let ahead = bit(came_by);
-    match (kind, came_by % 2 == 0) {
+    match (kind, came_by.is_multiple_of(2)) {
         (0, _) => ahead | wanted_in_fours(came_by, open),
         (_, true) => {
             // Beside the cell before (1), or beside the cell (2), something stands: then what lies behind it is

@@ -17,8 +17,8 @@ use crate::geom::Cell;
 const MAX_CELLS: usize = 2_000_000;
 /// The dearest turn, cells per radian.
 const MAX_CELLS_PER_RAD: f64 = 64.0;
-/// Width of a bucket: 1/64 of a cell.
-const BUCKET: u64 = STRAIGHT / 64;
+/// Width of a bucket: 1/16 of a cell.
+const BUCKET: u64 = STRAIGHT / 16;
 
 /// How a state was reached: by a step ahead, a turn to the left, to the right, or as the start.
 const AHEAD: u64 = 1;

@@ -183,7 +183,7 @@ impl Scenario {
         for number in 1..=rules.count {
             let place =
                 (0..PLACING_TRIES).map(|attempt| self.draw_place(room, number, attempt)).find(|place| {
-                    let clear_m = structure.clearance_m(*place, 0.0, rules.height_m);
+                    let clear_m = structure.clearance_m(*place, GROUND_CLEARANCE_M, rules.height_m);
                     clear_m >= rules.keep_from_objects_m
                         && persons.iter().all(|other| other.at.distance_to(*place) >= rules.apart_m)
                 });

@@ -98,6 +98,9 @@ fn name(stop: &Option<StopId>) -> String {
 /// Why no sweep can be planned.
 #[derive(Clone, PartialEq, Debug, thiserror::Error)]
 pub enum SweepError {
+    /// There is no such pattern.
+    #[error(transparent)]
+    Pattern(#[from] super::PatternError),
     /// The area has no inside.
     #[error("an area of {width_m} m by {height_m} m has no border to drive along")]
     EmptyArea {

@@ -10,6 +10,7 @@
 
 use std::fmt;
 
+use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
 use crate::geom::{Point, Rect};
@@ -37,7 +38,7 @@ pub enum PatternError {
 }
 
 /// Which pattern is driven.
-#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Debug)]
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Debug, Serialize, Deserialize)]
 pub enum PatternKind {
     /// One vehicle drives round to all points but the other's; then the other does.
     Calibrate,

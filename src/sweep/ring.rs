@@ -51,6 +51,11 @@ impl Ring {
         Ok(Ring { area, positions })
     }
 
+    /// Gives the area whose border it is.
+    pub fn area(&self) -> Rect {
+        self.area
+    }
+
     /// Gives the number of positions.
     pub fn positions(&self) -> usize {
         self.positions

@@ -1,6 +1,6 @@
 //! Scenes that are broken, endless, or not what they are said to be.
 
-use super::desk::{Desk, SCENE, SHAPES};
+use super::desk::{Desk, SCENE, SHAPES, VENUE};
 
 const HEADER: &str = "#VRML V2.0 utf8\n";
 
@@ -133,4 +133,103 @@ fn a_home_inside_a_wall_or_a_person_is_refused() {
     let desk = Desk::new();
     desk.write("small.scene.toml", format!("{SCENE}\n[[person]]\nname = \"anna\"\nat_m = [-0.9, -0.9]\n"));
     desk.refused(&["sim", "small.sim.toml"], &["small.sim.toml:3", "anna", "vehicle 1", "home"]);
+}
+
+#[test]
+fn a_scene_that_lies_under_the_ground_is_refused() {
+    let desk = Desk::new();
+    desk.write("small.scene.toml", SCENE.replace("up = \"z\"", "up = \"z\"\noffset_m = [0, 0, -6]"));
+    for arguments in [
+        &["check", "small.scene.toml"][..],
+        &["check", "small.sim.toml"],
+        &["scene", "small.scene.toml"],
+        &["scene", "small.sim.toml"],
+        &["plan", "small.sim.toml"],
+        &["sim", "small.sim.toml"],
+    ] {
+        desk.refused(
+            arguments,
+            &[arguments[1], "scene: the highest point", "-4.00 m", "`up` and `offset_m`"],
+        );
+    }
+}
+
+#[test]
+fn ground_that_rises_over_the_wheels_at_a_home_is_refused() {
+    let desk = Desk::new();
+    let ground = |height_m: f64| {
+        let heights = format!("{height_m} ").repeat(4);
+        format!(
+            "{SHAPES}Transform {{ translation -2 0 0 rotation 1 0 0 1.5707963267948966 children Shape {{
+                geometry ElevationGrid {{ xDimension 2 zDimension 2 xSpacing 2 zSpacing 2 height [ {heights}] }} }} }}"
+        )
+    };
+    desk.write("small.wrl", ground(0.1));
+    desk.refused(
+        &["sim", "small.sim.toml"],
+        &["homes_m", "vehicle 1 starts 0.00 m from an object", "0.25 m"],
+    );
+    desk.write("small.wrl", ground(0.015));
+    let said = desk.run(&["sim", "small.sim.toml", "--no-pictures"]);
+    assert_eq!(said.code, 0, "{said:?}");
+}
+
+#[test]
+fn grids_of_a_billion_cells_are_refused() {
+    let grid = "Shape { geometry ElevationGrid {\nxDimension 40000 zDimension 25000 height [ 0 ] } }";
+    check(
+        format!("{HEADER}{grid}"),
+        &["small.wrl:2: ", "40000 x 25000 = 1000000000 points", "at most 500000"],
+    );
+    let holes = "Shape { geometry ElevationGrid { xDimension 3 zDimension 3 height [ 0 0 0 0 0 0 0 0 ] } }";
+    check(format!("{HEADER}{holes}"), &["small.wrl:2: ", "8 heights; expected 3 x 3 = 9"]);
+    let nan = holes.replace("0 ] }", "0 NaN ] }");
+    check(format!("{HEADER}{nan}"), &["small.wrl:2: ", "`NaN` for height; expected a finite number"]);
+    let desk = Desk::new();
+    let fence = "fence_m = [[-3, -3], [1597, -3], [1597, 1597], [-3, 1597]]\ncell_m = 0.05\n";
+    let venue: String = VENUE
+        .lines()
+        .map(|line| if line.starts_with("fence_m") { fence.to_owned() } else { format!("{line}\n") })
+        .collect();
+    desk.write("small.venue.toml", venue);
+    for command in ["sim", "plan", "scene"] {
+        desk.refused(
+            &[command, "small.sim.toml"],
+            &["small.venue.toml:4: fence_m", "over 10000 cells", "make cell_m larger"],
+        );
+    }
+}
+
+#[test]
+fn a_view_from_nowhere_is_refused() {
+    let desk = Desk::new();
+    for (option, value) in [
+        ("--pose", "1,2,3"),
+        ("--pose", "1,2,nan,0"),
+        ("--size", "0x0"),
+        ("--size", "100000x100000"),
+        ("--up", "w"),
+    ] {
+        desk.refused(&["scene", "small.wrl", option, value], &[value, option, "expected"]);
+    }
+    desk.refused(&["scene", "small.venue.toml"], &["small.venue.toml: is a venue", "expected a scene"]);
+}
+
+#[test]
+fn bodies_of_the_scene_file_are_refused_with_key_and_line() {
+    let desk = Desk::new();
+    let bodies = "[[object]]\nname = \"hut\"\noutline_m = [[0, 0], [2, 2], [2, 0], [0, 2]]\n\
+                  [[object]]\ncentre_m = [1, 1]\nradius_m = -1\ntop_m = -5\ncolour = \"mud\"\n";
+    desk.write("small.scene.toml", format!("{SCENE}{bodies}"));
+    for command in ["scene", "check"] {
+        let parts = [
+            "object[0].outline_m",
+            "side 1 touches side 3",
+            "object[1].radius_m",
+            "object[1].top_m",
+            "object[1].colour",
+        ];
+        let err = desk.refused(&[command, "small.scene.toml"], &parts);
+        assert_eq!(err.lines().filter(|line| line.contains("small.scene.toml:")).count(), 4, "{err}");
+    }
 }

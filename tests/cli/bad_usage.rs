@@ -85,6 +85,7 @@ fn help_teaches_every_command() {
         ("image", &["Examples:", "tx_x_m,tx_y_m", "--empty", "dB", "Exit codes"]),
         ("plan", &["Examples:", "--stops", "Exit codes", "metres"]),
         ("check", &["Examples:", ".wrl", "Exit codes"]),
+        ("scene", &["Examples:", "--pose", "--size", "plan.png", "view.png", "Exit codes", "metres"]),
     ] {
         let said = desk.run(&[command, "--help"]);
         assert_eq!(said.code, 0);

@@ -200,3 +200,41 @@ fn check_stops(text: &str, vehicles: usize) {
         }
     }
 }
+
+#[test]
+fn a_scene_is_described_and_drawn_the_same_twice() {
+    let desk = Desk::new();
+    let pose = ["--pose", "3,-1,0.3,90", "--size", "120x80"];
+    for folder in ["one", "two"] {
+        let said = desk.run(&[&["scene", "small.sim.toml", "--out", folder], &pose[..]].concat());
+        assert_eq!((said.code, said.err.as_str()), (0, ""), "{said:?}");
+        for part in
+            ["scene small", "1 shapes", "Wall: 20 dB/m", "person 1", "4 homes", "from (3.00, -1.00, 0.30)"]
+        {
+            assert!(said.out.contains(part), "{part} is missing in {}", said.out);
+        }
+        assert_eq!(desk.names_in(folder), ["plan.png", "view.png"]);
+    }
+    for name in ["plan.png", "view.png"] {
+        assert_eq!(desk.read(&format!("one/{name}")), desk.read(&format!("two/{name}")), "{name}");
+    }
+    let rgb = |path: &str| {
+        let mut reader = png::Decoder::new(std::io::Cursor::new(desk.read(path))).read_info().unwrap();
+        let mut bytes = vec![0; reader.output_buffer_size().unwrap()];
+        let info = reader.next_frame(&mut bytes).unwrap();
+        assert_eq!((info.width, info.height), (120, 80));
+        bytes
+    };
+    // The wall is 3.85 m ahead, 1 m to either side and 1.7 m up: (60 / tan 30 degrees) / 3.85 = 27 pixels to either side
+    // of the middle, and higher than the picture.
+    let (view, pixel) = (rgb("one/view.png"), |x: usize, y: usize| 3 * (y * 120 + x));
+    let differ = |(x, y): (usize, usize), (u, v): (usize, usize)| {
+        (0..3).map(|channel| view[pixel(x, y) + channel].abs_diff(view[pixel(u, v) + channel])).max().unwrap()
+    };
+    assert!(differ((60, 38), (36, 2)) < 4 && differ((60, 38), (84, 30)) < 4);
+    assert!(differ((60, 38), (30, 38)) > 20 && differ((60, 38), (90, 38)) > 20);
+    let other = desk.run(&["scene", "small.wrl", "--out", "one"]);
+    assert_eq!(other.code, 0, "{other:?}");
+    assert_ne!(desk.read("one/view.png"), desk.read("two/view.png"));
+    assert_eq!(desk.names_in("one"), ["plan.png", "view.png"]);
+}

@@ -311,6 +311,13 @@ fn a_scene_must_make_sense() {
         ],
     );
     check_scene(
+        "[material.Wall]\ncolour = \"#8a5a2\"\n[default_material]\ncolour = 7\n",
+        &[
+            "s.toml:3: material.Wall.colour = \"#8a5a2\": is no colour; red, green and blue such as \"#8a5a2b\" are needed",
+            "s.toml:5: default_material.colour = 7: is no text; 1 to 200 characters in quotes are allowed",
+        ],
+    );
+    check_scene(
         "[random_persons]\ncount = 101\n",
         &["s.toml:3: random_persons.count = 101: is out of range; a whole number from 0 to 100 is allowed"],
     );

@@ -3,9 +3,9 @@
 use std::collections::BTreeSet;
 
 use serde_json::{Value, json};
-use tomoswarm::geom::{Angle, Bearing, Cell, Lattice, Vector};
+use tomoswarm::geom::{Bearing, Cell, Lattice, Vector};
 use tomoswarm::map::CellRect;
-use tomoswarm::plan::{Grid, NoRoute, Rules, shortest_cells};
+use tomoswarm::plan::{Grid, NoRoute, Rules, Turning, shortest_cells};
 
 use super::fact::{Checked, Fact};
 
@@ -45,7 +45,7 @@ fn shut_off(fact: &Fact) -> Checked {
     fact.expect("cost", json!("inf"))
 }
 
-/// Round a solid middle with one more cell closed; the turns are paid for by their angle.
+/// Round a solid middle with one more cell closed; turns cost as well.
 fn with_turns(fact: &Fact) -> Checked {
     let side = fact.whole("cells")? as i32;
     if fact.text("obstacles")? != "middle" {
@@ -55,20 +55,12 @@ fn with_turns(fact: &Fact) -> Checked {
     let grid = grid(side, 1.0, 0.0, |cell| {
         (inner.contains(&cell.x) && inner.contains(&cell.y)) || (cell.y, cell.x) == (side - 1, 0)
     })?;
-    let rules = Rules { diagonal: false, ..Rules::default() };
+    let heading = Some(Bearing::from_degrees(fact.number("start_bearing_deg")?).angle());
+    // Cells are a metre wide.
+    let turning = Turning { cost_m_per_rad: fact.number("turning_cost_per_rad")?, heading };
+    let rules = Rules { diagonal: false, turning: Some(turning), ..Rules::default() };
     let found = shortest_cells(&grid, cell(fact, "start")?, cell(fact, "goal")?, &rules)
         .map_err(|error| error.to_string())?;
-    let headings: Vec<Angle> = found
-        .cells
-        .windows(2)
-        .map(|pair| Vector::new(f64::from(pair[1].x - pair[0].x), f64::from(pair[1].y - pair[0].y)).angle())
-        .collect();
-    let start = Bearing::from_degrees(fact.number("start_bearing_deg")?).angle();
-    let turned_rad: f64 = std::iter::once(&start)
-        .chain(&headings)
-        .zip(&headings)
-        .map(|(from, to)| to.difference_rad(*from).abs())
-        .sum();
     let place = |cell: &Cell| json!([cell.y, cell.x]);
     let corners = found.cells.windows(3).filter(|three| {
         (three[1].x - three[0].x, three[1].y - three[0].y)
@@ -78,8 +70,10 @@ fn with_turns(fact: &Fact) -> Checked {
     let waypoints: Vec<Value> = corners.map(|three| place(&three[1])).chain([place(last)]).collect();
     fact.expect("path", found.cells[1..].iter().map(place).collect())?;
     fact.expect("waypoints", Value::Array(waypoints))?;
-    fact.expect("end_bearing_deg", json!(headings.last().map(|last| last.bearing().degrees())))?;
-    fact.expect("cost", json!(found.length_cells + turned_rad * fact.number("turning_cost_per_rad")?))
+    let before = found.cells.iter().rev().nth(1).ok_or("the way has no step")?;
+    let end = Vector::new(f64::from(last.x - before.x), f64::from(last.y - before.y)).angle();
+    fact.expect("end_bearing_deg", json!(end.bearing().degrees()))?;
+    fact.expect("cost", json!(found.cost_cells))
 }
 
 fn among_obstacles(fact: &Fact) -> Checked {

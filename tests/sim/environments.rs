@@ -1,5 +1,7 @@
 //! The three bundled environments are what their documentation promises, whatever drives in them.
 
+use std::collections::BTreeMap;
+
 use tomoswarm::config::{self, Sim, bundled};
 use tomoswarm::geom::{Point, Segment};
 use tomoswarm::scene::{self, Scene, VrmlScene, read_vrml};
@@ -10,6 +12,8 @@ const ALL: [&str; 3] = ["castle", "trees", "house"];
 const WIDE_M: f64 = 0.25 + 1.5;
 /// The same with the default padding and two deviations of its place.
 const USUAL_M: f64 = 0.25 + 0.1 + 2.0 * 0.05;
+
+const NONE: f64 = f64::NEG_INFINITY;
 
 /// An object, and the area of its cut with the ends of the box around it.
 type Figures = (usize, [f64; 5]);
@@ -44,21 +48,18 @@ fn passes(scene: &Scene, from: (f64, f64), to: (f64, f64), radius_m: f64) -> boo
 fn what_a_rover_can_touch_rises_straight_from_the_ground_past_its_sensor() {
     for name in ALL {
         let (_, scene) = built(name);
-        // No corners are compared: those in the middle of a straight side may lie elsewhere.
+        // By object, and no corners: a sheet's pieces and those in the middle of a straight side may lie elsewhere.
         let cut = |height_m: f64| -> Vec<Figures> {
-            let of = |outline: &scene::Outline| {
-                let corners = outline.polygon.corners();
-                let most = |of: fn(&Point) -> f64| corners.iter().map(of).fold(f64::NEG_INFINITY, f64::max);
-                let figures = [
-                    outline.polygon.area_m2(),
-                    most(|corner| corner.x_m),
-                    most(|corner| corner.y_m),
-                    most(|corner| -corner.x_m),
-                    most(|corner| -corner.y_m),
-                ];
-                (outline.object, figures)
-            };
-            scene.outlines(height_m).iter().map(of).collect()
+            let mut objects: BTreeMap<usize, [f64; 5]> = BTreeMap::new();
+            for outline in scene.outlines(height_m) {
+                let sum = objects.entry(outline.object).or_insert([0.0, NONE, NONE, NONE, NONE]);
+                sum[0] += outline.polygon.area_m2();
+                for corner in outline.polygon.corners() {
+                    let ends = [corner.x_m, corner.y_m, -corner.x_m, -corner.y_m];
+                    sum.iter_mut().skip(1).zip(ends).for_each(|(most, end)| *most = most.max(end));
+                }
+            }
+            objects.into_iter().collect()
         };
         let low = cut(0.02);
         assert!(low.len() > 10);

@@ -36,7 +36,7 @@ impl Seen {
 }
 
 fn room(sim: &Sim) -> Room {
-    let keep_m = sim.vehicles.radius_m + sim.safety.padding_m;
+    let keep_m = sim.vehicles.radius_m + sim.safety.padding_m + 2.0 * sim.vehicles.pose_sd_m;
     Room { keep_m, low_m: LOW_M, high_m: sim.vehicles.height_m }
 }
 

@@ -1,7 +1,7 @@
 //! Shortest ways against Dijkstra's algorithm over an independent grid, and against published costs.
 
 use super::*;
-use crate::geom::Lattice;
+use crate::geom::{Bearing, Lattice};
 use crate::map::CellRect;
 use proptest::prelude::*;
 use serde_json::Value;
@@ -180,9 +180,18 @@ fn a_four_connected_way_round_the_border_and_a_full_wall() {
     let interior = |cell: Cell| (1..=8).contains(&cell.x) && (1..=8).contains(&cell.y);
     let round = grid(10, 1.0, 0.0, |cell| interior(cell) || (cell.y, cell.x) == (9, 0));
     let found = shortest_cells(&round, Cell::new(0, 0), Cell::new(9, 9), &rules).unwrap();
-    let expected = &facts.iter().find(|fact| fact["id"] == "astar-001").unwrap()["expected"]["path"];
+    let fact = facts.iter().find(|fact| fact["id"] == "astar-001").unwrap();
+    let expected = &fact["expected"]["path"];
     let way: Vec<Value> = found.cells[1..].iter().map(|cell| serde_json::json!([cell.y, cell.x])).collect();
     assert_eq!(&Value::Array(way), expected);
+    let turning = Turning {
+        cost_m_per_rad: fact["inputs"]["turning_cost_per_rad"].as_f64().unwrap(),
+        heading: Some(Bearing::from_degrees(fact["inputs"]["start_bearing_deg"].as_f64().unwrap()).angle()),
+    };
+    let turns = Rules { turning: Some(turning), ..rules };
+    let turned = shortest_cells(&round, Cell::new(0, 0), Cell::new(9, 9), &turns).unwrap();
+    assert_eq!(turned.cells, found.cells);
+    assert!((turned.cost_cells - fact["expected"]["cost"].as_f64().unwrap()).abs() < 1e-9);
     let wall = grid(50, 1.0, 0.0, |cell| cell.x == 20);
     let shut = shortest_cells(&wall, Cell::new(0, 0), Cell::new(49, 49), &Rules::default());
     assert_eq!(shut, Err(NoRoute::Unreachable { searched: 20 * 50 }));

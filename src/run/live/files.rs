@@ -187,6 +187,9 @@ fn sweep(text: &mut String, sweep: &Sweep) {
     let planner = match sweep.planner {
         Planner::RotatingGap => "rotating-gap",
         Planner::Fan => "fan",
+        Planner::Calibrate => "calibrate",
+        Planner::FanCorners => "fan-corners",
+        Planner::FanStraight => "fan-straight",
     };
     head(text, "sweep");
     let _ = writeln!(text, "planner = \"{planner}\"");

@@ -1,7 +1,8 @@
 //! How a scene is put together, and what it refuses.
 
 use super::*;
-use crate::scene::{SceneError, Shape};
+use crate::geom::Polygon;
+use crate::scene::{Footprint, Post, SceneError, Shape};
 
 const TWO: &str = "DEF Yard Group { children [
     DEF House Transform { translation 5 5 1 children DEF Door Shape { geometry Box {} } }
@@ -77,4 +78,40 @@ fn a_courtyard_seen_from_above_has_a_hole() {
     assert!(outline.contains(Point::new(0.5, 2.0)) && !outline.contains(Point::new(2.0, 2.0)));
     assert_eq!(scene.clearance_m(Point::new(2.0, 2.0), 0.1, 0.5), 1.0);
     assert_eq!(scene.clearance_m(Point::new(0.5, 2.0), 0.1, 0.5), 0.0);
+}
+
+#[test]
+fn a_body_need_not_be_convex() {
+    // An L of 3 m²; its corners run either way.
+    let mut corners = [(0.0, 0.0), (2.0, 0.0), (2.0, 1.0), (1.0, 1.0), (1.0, 2.0), (0.0, 2.0)];
+    for _ in 0..2 {
+        let outline = Polygon::new(corners.iter().map(|(x, y)| Point::new(*x, *y)).collect());
+        let post = Post {
+            name: "corner".into(),
+            footprint: Footprint::Corners(outline),
+            low_m: 0.0,
+            high_m: 1.5,
+            material: Material { db_per_m: 5.0, db_per_crossing: 0.0 },
+        };
+        let parts = SceneParts {
+            shapes: &[],
+            offset_m: [0.0; 3],
+            materials: &BTreeMap::new(),
+            default_material: Material::default(),
+            posts: &[post],
+            persons: &[],
+        };
+        let scene = Scene::build(&parts).unwrap();
+        assert!(scene.objects()[0].closed);
+        let outline = scene.outlines(0.7).remove(0);
+        assert!((outline.polygon.area_m2() - 3.0).abs() < 1e-9 && outline.object == 0);
+        assert!(!outline.contains(Point::new(1.5, 1.5)) && outline.contains(Point::new(0.5, 1.5)));
+        assert!((scene.clearance_m(Point::new(1.5, 1.4), 0.02, 0.3) - 0.4).abs() < 1e-9);
+        assert_eq!(scene.clearance_m(Point::new(0.5, 1.5), 0.02, 0.3), 0.0);
+        // Into the notch from above: the lower arm's top is at 1.5 m, the notch has none.
+        let down = |x: f64, y: f64| scene.cast([x, y, 9.0], [0.0, 0.0, -1.0], 20.0).map(|hit| hit.distance_m);
+        assert_eq!((down(1.5, 0.5), down(0.5, 1.5), down(1.5, 1.5)), (Some(7.5), Some(7.5), None));
+        assert_eq!(scene.extent(), Some(([0.0; 3], [2.0, 2.0, 1.5])));
+        corners.reverse();
+    }
 }

@@ -255,13 +255,16 @@ const SAMPLE: &str = "WorldInfo { title \"é ä\" } # ünder\n
       DEF S Shape { appearance Appearance { material Material { } } geometry IndexedFaceSet {
         coord DEF P Coordinate { point [ 0 0 0, 1 0 0, 1 1 0, 0 1 0 ] } coordIndex [ 0 1 2 3 -1 ] } }
       Shape { geometry Cylinder { radius 1 height 2 bottom FALSE } } Inline { url \"x.wrl\" } ] }
+    Shape { geometry ElevationGrid { xDimension 2 zDimension 2 xSpacing 3 height [ 0 1, 2 1.5 ] } }
+    Shape { geometry Extrusion { convex FALSE crossSection [ 0 0, 0 2, 1 2, 1 1, 2 1, 2 0, 0 0 ] endCap FALSE
+      spine [ 0 0 0, 1 1 0, 2 1 1 ] scale [ 1 1, 2 2, 1 0 ] orientation 0 1 0 0.3 } }
     PROTO Q [ ] { Group { } } ROUTE A.b TO B.c Group { children [ USE A USE S ] }\n";
 
 #[test]
 fn files_cut_off_or_damaged_never_panic() {
     let whole = format!("#VRML V2.0 utf8\n{SAMPLE}{}", &courtyard()[16..]);
     let mut loader = |_: &str| Ok("#VRML V2.0 utf8\nShape { geometry Cone { } }".to_string());
-    assert_eq!(read_vrml(&whole, "x", Up::Z, &mut loader).unwrap().shapes.len(), 9);
+    assert_eq!(read_vrml(&whole, "x", Up::Z, &mut loader).unwrap().shapes.len(), 11);
     let mut refused = 0;
     for (end, _) in whole.char_indices() {
         refused += usize::from(read_vrml(&whole[..end], "x", Up::Z, &mut loader).is_err());

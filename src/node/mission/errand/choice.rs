@@ -21,6 +21,14 @@ const NEARER_M: f64 = 0.5;
 const FRONTIER_M: f64 = 0.6;
 /// What is this near to an object is searched first, metres.
 const NEAR_OBJECT_M: f64 = 1.5;
+/// By so much farther ways a search goes to what is near to objects, metres.
+const OBJECT_BONUS_M: f64 = 8.0;
+/// What a peer is going to see is looked at only when nothing else is left, metres.
+const PEER_PENALTY_M: f64 = 1e4;
+/// A metre more between the vehicle and what it looks at counts as so many metres of way.
+const AWAY_FACTOR: f64 = 2.0;
+/// Ways that differ by less count as equal, metres.
+const COST_STEP_M: f64 = 0.1;
 /// A peer that is nearer to something than this share of the own way there gets it.
 const PEER_SHARE: f64 = 0.9;
 /// What is this near to where a peer is going is left to it, metres.
@@ -35,6 +43,8 @@ const BUCKET_M: f64 = 1.0;
 struct Wanted {
     cell: Cell,
     at: Point,
+    /// It is chosen although it is so much farther away than another one, metres; less than nothing = as if nearer.
+    penalty_m: f64,
 }
 
 /// Frontiers by place.
@@ -58,15 +68,12 @@ impl Errand {
             return self.finish(scene, End::GaveUp(0));
         };
         self.keep_frontiers(scene.pilot, grid.area());
-        let passes = {
-            let view = scene.pilot.map().view(self.settings.slice, grid.area());
-            self.passes(scene, &view)
-        };
+        let wanted = self.rated(scene, grid.area());
         for is_narrow in [false, true] {
             if is_narrow {
                 grid.open_along(scene.pilot.driven());
             }
-            if let Some((sight, reached)) = self.choose_sight(scene, &grid, &passes) {
+            if let Some((sight, reached)) = self.choose_sight(scene, &grid, &wanted) {
                 return self.go_and_look(scene, &grid, &reached, is_narrow, sight);
             }
         }
@@ -74,18 +81,30 @@ impl Errand {
     }
 
     /// Gives where to look from and at what, and the ways to all places.
-    fn choose_sight(&self, scene: &Scene<'_>, grid: &Grid, passes: &[Buckets]) -> Option<(Sight, Distances)> {
-        let pose = scene.pose();
-        let start = self.settings.lattice.cell_at(pose.at);
+    fn choose_sight(&self, scene: &Scene<'_>, grid: &Grid, wanted: &[Wanted]) -> Option<(Sight, Distances)> {
+        let (pose, lattice) = (scene.pose(), self.settings.lattice);
+        let start = lattice.cell_at(pose.at);
         let reached = Distances::from_start(grid, start, &self.rules()).ok()?;
-        let near = by_cost(grid, &reached);
+        let buckets = Buckets::new(lattice, grid.area(), wanted);
         let view = scene.pilot.map().view(self.settings.slice, grid.area());
-        let reaches = self.reaches_m(scene.pilot.keep_m(pose));
-        let sight = passes.iter().find_map(|buckets| {
-            let look = |reach_m: &f64| self.first_sight(&view, &near, buckets, (pose.at, start), *reach_m);
-            reaches.iter().find_map(look)
-        });
-        sight.map(|sight| (sight, reached))
+        let (near_m, far_m) = self.reaches_m(scene.pilot.keep_m(pose));
+        let least_m = wanted.iter().map(|one| one.penalty_m).fold(f64::INFINITY, f64::min);
+        let (mut best, mut best_m) = (None, f64::INFINITY);
+        for (cost_m, cell) in by_cost(grid, &reached) {
+            if cost_m + least_m >= best_m {
+                break;
+            }
+            let from = if cell == start { pose.at } else { lattice.centre(cell) };
+            for one in buckets.near(from, far_m) {
+                let away_m = one.at.distance_to(from);
+                let score_m = cost_m + one.penalty_m + AWAY_FACTOR * (away_m - near_m).max(0.0);
+                let is_better = away_m <= far_m && score_m < best_m && self.looks.is_new(one.cell, from);
+                if is_better && sees(&view, lattice, from, one.at) {
+                    (best, best_m) = (Some(Sight { from: cell, at: one.cell }), score_m);
+                }
+            }
+        }
+        best.map(|sight| (sight, reached))
     }
 
     fn go_and_look(
@@ -118,15 +137,13 @@ impl Errand {
         }
         let Some(mut grid) = self.ground(scene, None, false, &[]) else { return false };
         grid.open_along(scene.pilot.driven());
-        let buckets = Buckets::new(self.settings.lattice, grid.area(), &self.wanted());
-        self.choose_sight(scene, &grid, &[buckets]).is_some()
+        self.choose_sight(scene, &grid, &self.wanted()).is_some()
     }
 
-    /// Gives from how far away to look, the best first, metres.
-    fn reaches_m(&self, keep_m: f64) -> [f64; 3] {
-        let (near_m, far_m) = (keep_m + NEARER_M, LOOK_SHARE * self.settings.look.sure_range_m);
-        let near_m = near_m.min(far_m);
-        [near_m, 0.5 * (near_m + far_m), far_m]
+    /// Gives from how far away to look, best and at most, metres.
+    fn reaches_m(&self, keep_m: f64) -> (f64, f64) {
+        let far_m = LOOK_SHARE * self.settings.look.sure_range_m;
+        ((keep_m + NEARER_M).min(far_m), far_m)
     }
 
     /// Gives all frontier cells that are worth another look.
@@ -137,7 +154,7 @@ impl Errand {
         let cells = clusters.filter(|cluster| cluster.size() >= least).flat_map(|cluster| cluster.cells);
         cells
             .filter(|cell| !self.looks.is_spent(*cell))
-            .map(|cell| Wanted { cell, at: lattice.centre(cell) })
+            .map(|cell| Wanted { cell, at: lattice.centre(cell), penalty_m: 0.0 })
             .collect()
     }
 
@@ -173,18 +190,19 @@ impl Errand {
         beside.any(|beside| view.occupancy(beside) == Occupancy::Unknown && is_inside(beside))
     }
 
-    /// Gives what is looked at first, then what is looked at when nothing of that can be.
-    fn passes(&self, scene: &Scene<'_>, view: &View<'_>) -> [Buckets; 2] {
-        let wanted = self.wanted();
-        let (lattice, area) = (self.settings.lattice, view_area(&wanted, self.settings.lattice));
-        let buckets = |list: &[Wanted]| Buckets::new(lattice, area, list);
-        let first: Vec<Wanted> = match self.settings.task {
-            Task::Search => {
-                wanted.iter().copied().filter(|one| self.is_near_object(view, one.cell)).collect()
-            }
-            _ => wanted.iter().copied().filter(|one| !self.is_a_peers(scene, one.at)).collect(),
-        };
-        [buckets(&first), buckets(&wanted)]
+    /// Gives what is worth a look, and what is rather looked at: by a search what is near to objects, by an explorer what
+    /// no peer is going to see anyway.
+    fn rated(&self, scene: &Scene<'_>, area: CellRect) -> Vec<Wanted> {
+        let view = scene.pilot.map().view(self.settings.slice, area);
+        let mut wanted = self.wanted();
+        for one in &mut wanted {
+            one.penalty_m = match self.settings.task {
+                Task::Search if self.is_near_object(&view, one.cell) => -OBJECT_BONUS_M,
+                Task::Explore if self.is_a_peers(scene, one.at) => PEER_PENALTY_M,
+                _ => 0.0,
+            };
+        }
+        wanted
     }
 
     fn is_near_object(&self, view: &View<'_>, cell: Cell) -> bool {
@@ -200,27 +218,6 @@ impl Errand {
         let ends = scene.peers.iter().filter(|(_, peer)| goes(peer.moved_at) && !peer.is_silent(scene.now));
         let mut ends = ends.filter_map(|(_, peer)| peer.claim.last());
         ends.any(|end| end.distance_to(at) < (PEER_SHARE * own_m).min(PEER_M * 4.0))
-    }
-
-    /// Gives the first place, by the cost to get there, from which one of the wanted cells can be seen.
-    fn first_sight(
-        &self,
-        view: &View<'_>,
-        places: &[(f64, Cell)],
-        buckets: &Buckets,
-        (here, start): (Point, Cell),
-        reach_m: f64,
-    ) -> Option<Sight> {
-        let lattice = self.settings.lattice;
-        places.iter().find_map(|(_, cell)| {
-            let from = if *cell == start { here } else { lattice.centre(*cell) };
-            let seen = buckets.near(from, reach_m).find(|wanted| {
-                wanted.at.distance_to(from) <= reach_m
-                    && self.looks.is_new(wanted.cell, from)
-                    && sees(view, lattice, from, wanted.at)
-            });
-            seen.map(|wanted| Sight { from: *cell, at: wanted.cell })
-        })
     }
 
     /// Notes a look from a place along a heading at everything unknown that it covered, and at one cell surely.
@@ -247,15 +244,25 @@ impl Errand {
     }
 }
 
-/// Gives what can be reached, the nearest first.
-fn by_cost(grid: &Grid, reached: &Distances) -> Vec<(f64, Cell)> {
+/// Gives what can be reached with its cost in metres, the nearest first (in steps of [`COST_STEP_M`]).
+fn by_cost(grid: &Grid, reached: &Distances) -> impl Iterator<Item = (f64, Cell)> {
     let area = grid.area();
-    let cells =
-        (area.low.y..=area.high.y).flat_map(|y| (area.low.x..=area.high.x).map(move |x| Cell::new(x, y)));
-    let mut list: Vec<(f64, Cell)> =
-        cells.filter_map(|cell| reached.cost_m(cell).map(|cost_m| (cost_m, cell))).collect();
-    list.sort_by(|a, b| a.0.total_cmp(&b.0));
-    list
+    let mut steps: Vec<Vec<Cell>> = Vec::new();
+    for y in area.low.y..=area.high.y {
+        for x in area.low.x..=area.high.x {
+            let cell = Cell::new(x, y);
+            let Some(cost_m) = reached.cost_m(cell) else { continue };
+            let step = (cost_m / COST_STEP_M) as usize;
+            if step >= steps.len() {
+                steps.resize_with(step + 1, Vec::new);
+            }
+            steps[step].push(cell);
+        }
+    }
+    let step_m = |(step, cells): (usize, Vec<Cell>)| {
+        cells.into_iter().map(move |cell| (step as f64 * COST_STEP_M, cell))
+    };
+    steps.into_iter().enumerate().flat_map(step_m)
 }
 
 /// Tells whether only free ground lies between a place and a free cell.
@@ -267,12 +274,6 @@ fn tile_rect(address: TileAddress) -> CellRect {
     let side = TILE_SIDE as i32;
     let low = Cell::new(address.x.saturating_mul(side), address.y.saturating_mul(side));
     CellRect::new(low, Cell::new(low.x.saturating_add(side - 1), low.y.saturating_add(side - 1)))
-}
-
-fn view_area(wanted: &[Wanted], lattice: Lattice) -> CellRect {
-    let places: Vec<Point> = wanted.iter().map(|one| one.at).collect();
-    let nothing = CellRect::new(Cell::new(0, 0), Cell::new(0, 0));
-    CellRect::around(lattice, &places, 0.0).unwrap_or(nothing)
 }
 
 impl Buckets {
