@@ -1,7 +1,7 @@
 //! Visiting places on paths around what is seen. What is unknown counts as free until it was looked at; the pilot looks
 //! before it drives. No way to a place means: everything that can be reached was searched.
 
-use super::{Aim, End, Errand, Scene};
+use super::{Aim, End, Errand, Scene, WAIT};
 use crate::geom::{Point, Segment};
 use crate::map::{CellRect, Occupancy};
 use crate::node::mission::Remark;
@@ -28,12 +28,19 @@ impl Errand {
                 self.drive(scene, &corners, is_narrow, Aim::Place(place));
             }
             Err(_) if self.is_open_without_peers(scene, place) => self.wait(scene),
+            Err(NoRoute::StartBarred) => self.is_hemmed_in(scene),
             Err(reason) => {
                 self.no_way += 1;
                 scene.remark(Remark::NoWay(place, searched(reason)));
                 self.skip_place(scene, place);
             }
         }
+    }
+
+    /// Something stands too near to where the vehicle is: looks again, later.
+    fn is_hemmed_in(&mut self, scene: &Scene<'_>) {
+        self.blocked = (scene.pose().at, self.blocked.1 + 1);
+        self.choose_at(scene.now + WAIT);
     }
 
     fn skip_place(&mut self, scene: &mut Scene<'_>, place: Point) {
@@ -76,11 +83,27 @@ impl Errand {
     ) -> Option<Grid> {
         let pose = scene.pose();
         let mut grid = scene.pilot.ground(scene.now, pose, goal, unknown_allowed, peers)?;
-        for at in &self.barred {
-            grid.close_within(Segment::new(*at, *at), scene.pilot.keep_m(pose));
-        }
+        self.close_barred(&mut grid, scene);
         grid.stand_on(self.settings.lattice.cell_at(pose.at));
         Some(grid)
+    }
+
+    /// Closes what the pilot did not pass, but not where the vehicle has driven: that is its way back.
+    fn close_barred(&self, grid: &mut Grid, scene: &Scene<'_>) {
+        if self.barred.is_empty() {
+            return;
+        }
+        let (lattice, keep_m) = (self.settings.lattice, scene.pilot.keep_m(scene.pose()));
+        let track = scene.pilot.driven().windows(2).map(|pair| Segment::new(pair[0], pair[1]));
+        let mut driven: Vec<(i32, i32)> =
+            track.flat_map(|piece| lattice.cells_under(piece)).map(|cell| (cell.y, cell.x)).collect();
+        driven.sort_unstable();
+        let is_driven = |place: Point| {
+            let cell = lattice.cell_at(place);
+            driven.binary_search(&(cell.y, cell.x)).is_ok()
+        };
+        let is_near = |place: Point| self.barred.iter().any(|at| at.distance_to(place) <= keep_m);
+        grid.close_where(|place| is_near(place) && !is_driven(place));
     }
 
     /// What the pilot does not pass is taken for barred: something stands there, or it was looked at and is still unknown.
