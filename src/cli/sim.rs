@@ -331,9 +331,13 @@ fn progress_bar() -> ProgressBar {
     ProgressBar::no_length().with_style(style)
 }
 
-/// How a run gets on, for who watches it: the lap as well.
+/// How a run gets on, for who watches it: the lap as well, where there are laps.
 pub(super) fn progress(status: &Status, wall: Duration) -> String {
-    format!("lap {}/{}  {}", status.laps_done, status.laps.max(1), line(status, wall).trim_start())
+    let line = line(status, wall);
+    match (status.laps_done, status.laps) {
+        (_, 0) => line.trim_start().to_owned(),
+        (done, laps) => format!("lap {done}/{laps}  {}", line.trim_start()),
+    }
 }
 
 fn line(status: &Status, wall: Duration) -> String {
@@ -345,9 +349,18 @@ fn line(status: &Status, wall: Duration) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::time::Time;
 
     fn check(failure: Option<&str>, collisions: usize, fence_breaches: usize, expected: Option<&str>) {
         assert_eq!(why_failed(failure, collisions, fence_breaches).as_deref(), expected);
+    }
+
+    #[test]
+    fn who_watches_a_run_without_laps_reads_of_none() {
+        let status = |laps| Status { now: Time::from_secs_f64(90.0), laps_done: 1, laps, samples: 7 };
+        let said = |laps| progress(&status(laps), Duration::from_secs(9));
+        assert_eq!(said(0), "1.5 min simulated, 7 samples, 10 x real time");
+        assert_eq!(said(3), "lap 1/3  1.5 min simulated, 7 samples, 10 x real time");
     }
 
     #[test]

@@ -465,8 +465,9 @@ fn asked(autopilot: &Autopilot, now: Time, fly: &Fly, altitude_m: f64) -> Ask {
     let is_landed = autopilot.is_landed(now);
     match fly {
         Fly::Drive { .. } if is_landed && autopilot.kind() == Kind::Copter => Ask::Takeoff { altitude_m },
+        // One that is sent on while it climbs goes on to its altitude.
         Fly::Drive { corners, speed_mps } => {
-            Ask::Route { corners: corners.clone(), altitude_m: None, speed_mps: Some(*speed_mps) }
+            Ask::Route { corners: corners.clone(), altitude_m: Some(altitude_m), speed_mps: Some(*speed_mps) }
         }
         Fly::Turn(heading) => Ask::Yaw(*heading),
         Fly::Stop => Ask::Stop,

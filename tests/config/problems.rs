@@ -112,14 +112,14 @@ fn a_file_of_no_or_another_kind_is_refused() {
         "x.toml",
         "",
         &[
-            "x.toml:1: kind: is missing; a file begins with kind = \"venue\", \"scene\", \"sim\", \"vehicle\", \"ground\" or \"operator\"",
+            "x.toml:1: kind: is missing; a file begins with kind = \"venue\", \"scene\", \"sim\", \"vehicle\", \"ground\", \"operator\" or \"experiment\"",
         ],
     );
     check(
         "x.toml",
         "kind = \"vheicle\"\n",
         &[
-            "x.toml:1: kind = \"vheicle\": is not known; a file begins with kind = \"venue\", \"scene\", \"sim\", \"vehicle\", \"ground\" or \"operator\"",
+            "x.toml:1: kind = \"vheicle\": is not known; a file begins with kind = \"venue\", \"scene\", \"sim\", \"vehicle\", \"ground\", \"operator\" or \"experiment\"",
         ],
     );
     check(

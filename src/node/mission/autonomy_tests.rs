@@ -1,5 +1,7 @@
 //! What a mission does when it hears nobody, has lost the bus, or runs out of battery.
 
+use crate::node::radio::Sighting;
+use tomoswarm_proto::Sender;
 use tomoswarm_proto::{Boot, Mode};
 
 use super::super::tests_support::{settings, state};

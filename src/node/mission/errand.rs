@@ -295,10 +295,9 @@ impl Errand {
             return;
         }
         self.phase = Phase::Driving { aim, judged: scene.now };
-        if let Aim::Sight(cell) = aim {
-            if !self.is_frontier(scene.pilot, cell) {
-                self.choose(scene);
-            }
+        match aim {
+            Aim::Sight(cell) if !self.is_frontier(scene.pilot, cell) => self.choose(scene),
+            Aim::Sight(_) | Aim::Place(_) | Aim::Aside | Aim::Home => {}
         }
     }
 

@@ -2,6 +2,7 @@
 
 use std::collections::VecDeque;
 use std::sync::Arc;
+use tomoswarm_proto::TileReport;
 
 use tomoswarm_proto::{Mode, TileAddress};
 

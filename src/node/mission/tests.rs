@@ -1,6 +1,7 @@
 //! What the mission actor does with plans, orders and what is in its way; its map is known free around the datum.
 
 use std::sync::Arc;
+use tomoswarm_proto::TileReport;
 
 use tomoswarm_proto::{Lease, Mode, Position, Stop, TileAddress};
 

@@ -136,7 +136,9 @@ fn what_makes_no_sense_is_denied_and_changes_nothing() {
         assert_eq!(rover.ask(secs(61.0), ask.clone()), Answer::Denied, "{ask:?}");
         assert_eq!(rover.next_change(), ends, "{ask:?}");
     }
-    assert_eq!(rover.ask(secs(61.0), Ask::Takeoff { altitude_m: 5.0 }), Answer::Unsupported);
+    let takes_off = rover.ask(secs(61.0), Ask::Takeoff { altitude_m: 5.0 });
+    assert_eq!((takes_off, takes_off.code()), (Answer::Unsupported, 3));
+    assert_eq!([Answer::Accepted, Answer::Denied, Answer::Failed].map(Answer::code), [0, 2, 4]);
 }
 
 #[test]
@@ -231,7 +233,8 @@ fn a_copter_flies_its_mission_lands_and_is_disarmed() {
     assert!(!copter.is_armed() && copter.is_landed(end));
     assert_eq!(reached(&copter.notices()), [1, 2, 3, 4]);
     // The way: 2 s up; 8 m in 6 s; 90° in 1.57 s, 6 m in 5 s, 2 m down at 1.5 m/s, 4 s; 90°, 8 m, 3 m down at 0.5 m/s.
-    let expected_s = 2.0 + 6.0 + (1.5708 + 5.0 + 1.3333 + 4.0) + (1.5708 + 6.0 + 6.0);
+    let turn_s = std::f64::consts::FRAC_PI_2;
+    let expected_s = 2.0 + 6.0 + (turn_s + 5.0 + 2.0 / 1.5 + 4.0) + (turn_s + 6.0 + 6.0);
     assert!((end.as_secs_f64() - 60.0 - expected_s).abs() < 0.01, "{end}");
 }
 

@@ -125,6 +125,18 @@ pub enum Answer {
     Failed,
 }
 
+impl Answer {
+    /// Gives the number of MAV_RESULT.
+    pub fn code(self) -> u8 {
+        match self {
+            Answer::Accepted => 0,
+            Answer::Denied => 2,
+            Answer::Unsupported => 3,
+            Answer::Failed => 4,
+        }
+    }
+}
+
 /// How the vehicle is, as a whole: MAV_STATE.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub enum SystemStatus {

@@ -133,10 +133,17 @@ fn a_copter_that_has_landed_is_disarmed_and_takes_off_before_it_flies_again() {
     world.fly(0, secs(9.0), &drive(3.0));
     let climbing = world.telemetry(0, secs(10.0));
     assert_eq!((climbing.is_armed, climbing.motion, climbing.speed_mps), (true, Motion::Turning, 0.0));
-    assert_eq!(world.telemetry(0, secs(12.0)).motion, Motion::Resting);
-    world.fly(0, secs(12.0), &drive(3.0));
-    world.telemetry(0, secs(20.0));
-    assert!((world.truth(0, secs(20.0)).at.x_m - 3.0).abs() < 1e-9);
+    let mut sent_early = |at_s: f64| {
+        world.fly(0, secs(at_s), &drive(0.25 * at_s));
+        assert_eq!(run(&mut world, Vec::new(), secs(at_s), secs(at_s + 20.0)), None);
+        let end = secs(at_s + 20.0);
+        (world.truth(0, end).at.x_m, world.crafts[0].autopilot.altitude_m(end))
+    };
+    // Before the climb is over, and long after it.
+    for at_s in [10.5, 40.0] {
+        let (x_m, altitude_m) = sent_early(at_s);
+        assert!((x_m - 0.25 * at_s).abs() < 1e-9 && (altitude_m - 2.0).abs() < 1e-9, "{x_m}, {altitude_m} m");
+    }
 }
 
 #[test]

@@ -24,10 +24,9 @@ impl Errand {
         }
         let higher = scene.peers.iter().filter(|(id, _)| *id > self.settings.vehicle).count() as u32;
         let patience = PATIENCE + PATIENCE_MORE * higher;
-        if self.waits % patience == 0 {
-            if let Some(corners) = self.way_aside(scene) {
-                return self.drive(scene, &corners, false, Aim::Aside);
-            }
+        let steps_aside = self.waits.is_multiple_of(patience);
+        if let Some(corners) = steps_aside.then(|| self.way_aside(scene)).flatten() {
+            return self.drive(scene, &corners, false, Aim::Aside);
         }
         self.choose_at(scene.now + WAIT);
     }

@@ -12,8 +12,6 @@ use crate::node::Task;
 use crate::node::mission::pilot::Pilot;
 use crate::plan::{Distances, Frontiers, Grid};
 
-/// Nothing is looked at from farther away than this share of the sensor's sure range.
-const LOOK_SHARE: f64 = 0.85;
 /// The vehicle goes this much nearer to what it looks at than it must keep from it, metres; when it cannot, it looks
 /// from as near as it can.
 const NEARER_M: f64 = 0.5;
@@ -140,9 +138,9 @@ impl Errand {
         self.choose_sight(scene, &grid, &self.wanted()).is_some()
     }
 
-    /// Gives from how far away to look, best and at most, metres.
+    /// Gives from how far away to look, best and at most, metres: nothing is looked at from where it is not surely seen.
     fn reaches_m(&self, keep_m: f64) -> (f64, f64) {
-        let far_m = LOOK_SHARE * self.settings.look.sure_range_m;
+        let far_m = self.settings.look.sure_range_m;
         ((keep_m + NEARER_M).min(far_m), far_m)
     }
 
@@ -225,7 +223,7 @@ impl Errand {
         let look = &self.settings.look;
         let widest_rad = look.beams.iter().map(|beam| beam.radians().abs()).fold(0.0, f64::max);
         let half_rad = widest_rad + 0.5 * look.half_angle.radians();
-        let reach_m = LOOK_SHARE * look.sure_range_m;
+        let reach_m = look.sure_range_m;
         let lattice = self.settings.lattice;
         let Some(area) = CellRect::around(lattice, &[from], reach_m) else { return };
         if let Some(frontiers) = &self.frontiers {

@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 use crate::geom::{Cell, Lattice, Point};
 
 /// So many looks at a part that tell nothing, and it is looked at no more.
-const LOOKS_MAX: usize = 3;
+const LOOKS_MAX: usize = 4;
 /// Side of a part, metres.
 const PART_M: f64 = 0.6;
 /// Two looks are from different places when these are so far apart, metres.
@@ -69,7 +69,7 @@ mod tests {
     fn a_part_is_looked_at_from_a_few_places_and_from_each_once() {
         let mut looks = Looks::new(Lattice::new(0.2));
         let (cell, beside, far) = (Cell::new(-1, 4), Cell::new(-3, 5), Cell::new(0, 4));
-        for place in 0..3 {
+        for place in 0..4 {
             let from = Point::new(f64::from(place), 0.0);
             assert!(looks.is_new(cell, from) && !looks.is_spent(cell));
             looks.note(&[cell, beside], from);

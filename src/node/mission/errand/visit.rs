@@ -83,11 +83,12 @@ impl Errand {
         Some(grid)
     }
 
-    /// What was looked at on the way and is still unknown is taken for barred; tells whether that is news.
+    /// What the pilot does not pass is taken for barred: something stands there, or it was looked at and is still unknown.
+    /// Tells whether that is news; a peer that makes no room is none.
     pub(super) fn note_barred(&mut self, scene: &Scene<'_>, at: Point) -> bool {
         let cell = self.settings.lattice.cell_at(at);
         let view = scene.pilot.map().view(self.settings.slice, CellRect::new(cell, cell));
-        let is_new = view.occupancy(cell) == Occupancy::Unknown && !self.barred.contains(&at);
+        let is_new = view.occupancy(cell) != Occupancy::Free && !self.barred.contains(&at);
         if is_new {
             self.barred.push(at);
         }
