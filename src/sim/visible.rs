@@ -26,6 +26,9 @@ pub const PITCH_M: f64 = 0.1;
 const POINTS_A_CELL: f64 = 4.0;
 /// How far from the surface its two sides are tried, metres.
 const SKIN_M: f64 = 1e-3;
+/// A place that keeps its distance by less is not free, metres: whether a gap exactly as wide as it must be lets somebody
+/// through is not left to rounding.
+const HAIR_M: f64 = 1e-6;
 /// An echo that is nearer by less is not heard apart from another, metres.
 const AT_ONCE_M: f64 = 0.01;
 /// Rays of a cone; they are asked twice as far on both sides of a point, so that it may lie anywhere in the cone.
@@ -256,7 +259,7 @@ impl Flood<'_> {
             return *free;
         }
         let slack_m = self.slack_m(place_of(step));
-        let free = slack_m > 0.0;
+        let free = slack_m > HAIR_M;
         // Within so many steps, diagonal ones too, the answer is the same.
         let reach = (slack_m.abs() / PITCH_M * std::f64::consts::FRAC_1_SQRT_2).min(20.0) as i32;
         for y in -reach..=reach {

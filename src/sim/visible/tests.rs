@@ -106,6 +106,7 @@ fn a_gap_is_passed_by_whom_it_lets_through() {
     let (narrow, wide) = (find(&posts, 0.45, ray(1.0)), find(&posts, 0.55, ray(1.0)));
     let beyond = |seen: &Visible| seen.cells.iter().any(|cell| cell.y == 30);
     assert!(beyond(&narrow) && !beyond(&wide));
+    assert!(!beyond(&find(&posts, 0.5, ray(1.0))), "rounding opens no gap");
 }
 
 #[test]
