@@ -9,6 +9,8 @@ mod environments;
 mod faults;
 #[path = "sim/fleets.rs"]
 mod fleets;
+#[path = "sim/missions.rs"]
+mod missions;
 #[path = "sim/obstacles.rs"]
 mod obstacles;
 #[path = "sim/place.rs"]

@@ -85,6 +85,8 @@ fn a_summary_holds_what_was_promised() {
         "structure.npy",
         "structure.png",
         "summary.json",
+        "track-1.waypoints",
+        "track-2.waypoints",
     ];
     assert_eq!(names, expected);
 }

@@ -117,8 +117,7 @@ fn unknown_share(outcome: &Outcome, is_hidden: impl Fn(Point) -> bool) -> f64 {
 fn explore_and_search_know_everything_that_can_be_reached() {
     let is_hidden = |at: Point| (2.8..=5.2).contains(&at.x_m) && (2.8..=5.2).contains(&at.y_m);
     for mission in ["explore", "search"] {
-        let outcome =
-            yard(&format!("kind = \"{mission}\"")).block((4.0, 4.0, 2.0, 2.0)).run_to_the_end();
+        let outcome = yard(&format!("kind = \"{mission}\"")).block((4.0, 4.0, 2.0, 2.0)).run_to_the_end();
         assert_eq!(end_of(&outcome, 1), &End::Done, "{mission}");
         let unknown = unknown_share(&outcome, is_hidden);
         assert!(unknown < 0.03, "{mission}: {unknown}");
@@ -135,7 +134,8 @@ fn explore_and_search_know_everything_that_can_be_reached() {
 #[test]
 fn two_explorers_share_the_work() {
     let ended_s = |vehicles: usize| {
-        let outcome = yard("kind = \"explore\"").vehicles(vehicles).block((4.0, 4.0, 2.0, 2.0)).run_to_the_end();
+        let outcome =
+            yard("kind = \"explore\"").vehicles(vehicles).block((4.0, 4.0, 2.0, 2.0)).run_to_the_end();
         assert_eq!(outcome.home, vehicles);
         let ends = outcome.missions.iter().filter_map(|(_, end)| end.as_ref());
         ends.map(|(at, _)| at.as_secs_f64()).fold(0.0, f64::max)
