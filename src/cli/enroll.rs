@@ -339,7 +339,12 @@ fn create_authority(folder: &Path, venue: &str) -> Result<(), CliError> {
 fn read_venue(path: &Path, text: &str) -> Result<Venue, CliError> {
     match config::read(&read::shown(path), text, &mut |_| Err("a venue names no files".to_owned()))? {
         Config::Venue(venue) => Ok(venue),
-        Config::Scene(_) | Config::Sim(_) | Config::Vehicle(_) | Config::Ground(_) | Config::Operator(_) => {
+        Config::Scene(_)
+        | Config::Sim(_)
+        | Config::Experiment(_)
+        | Config::Vehicle(_)
+        | Config::Ground(_)
+        | Config::Operator(_) => {
             let reason = "is no venue; a file of kind = \"venue\" is expected".to_owned();
             Err(CliError::Input { path: path.to_owned(), reason })
         }

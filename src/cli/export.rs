@@ -110,6 +110,7 @@ impl ExportArgs {
             Config::Venue(venue) => Ok((venue, text.clone())),
             Config::Scene(_)
             | Config::Sim(_)
+            | Config::Experiment(_)
             | Config::Vehicle(_)
             | Config::Ground(_)
             | Config::Operator(_) => Err(wrong("holds another kind of file in place of its venue")),

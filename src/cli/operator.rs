@@ -47,7 +47,11 @@ impl Door {
                 let settings = settings(path, &file.venue, &beside_ground(&file.bus))?;
                 Ok(Door { settings, venue: file.venue, vehicles: file.vehicles.into_iter().collect() })
             }
-            Config::Venue(_) | Config::Scene(_) | Config::Sim(_) | Config::Vehicle(_) => {
+            Config::Venue(_)
+            | Config::Scene(_)
+            | Config::Sim(_)
+            | Config::Experiment(_)
+            | Config::Vehicle(_) => {
                 let reason =
                     "is of another kind; kind = \"operator\" or \"ground\" is needed here".to_owned();
                 Err(CliError::Input { path: path.to_owned(), reason })

@@ -19,8 +19,6 @@ use super::report::{FAMILY, Report, write_data};
 use super::stop::Stop;
 use super::trials;
 use super::watch::{self, Watching};
-#[cfg(feature = "net")]
-use crate::config::bundled;
 use crate::sim::{Outcome, RunError, Scenario, Shown, Status};
 
 /// Simulate a swarm: rovers sweep an area, and the image of what stands in it is drawn.

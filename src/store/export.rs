@@ -8,7 +8,7 @@ use tomoswarm_proto::{PoseReport, Position};
 
 use super::ground::{StoredImage, StoredSample};
 use crate::config::Venue;
-use crate::geom::{Geodetic, Point, TangentPlane};
+use crate::geom::{Point, TangentPlane};
 
 /// The header of a file of samples.
 pub const SAMPLES_HEADER: &str = "vehicle,boot,run,sequence,heard_at_s,utc,utc_error_s,transmitter,\
@@ -176,7 +176,7 @@ mod tests {
 
     #[test]
     fn a_world_file_puts_pixels_where_they_lie() {
-        let datum = Geodetic { latitude_deg: 52.0, longitude_deg: 5.0, altitude_m: 0.0 };
+        let datum = crate::geom::Geodetic { latitude_deg: 52.0, longitude_deg: 5.0, altitude_m: 0.0 };
         // x points north, so y points west.
         let plane = TangentPlane::new(datum, Bearing::from_degrees(0.0));
         let text = world_file(&plane, Point::new(-10.0, 20.0), 0.05);

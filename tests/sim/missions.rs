@@ -121,21 +121,25 @@ fn explore_and_search_know_everything_that_can_be_reached() {
         assert_eq!(end_of(&outcome, 1), &End::Done, "{mission}");
         let unknown = unknown_share(&outcome, is_hidden);
         assert!(unknown < 0.03, "{mission}: {unknown}");
-        let sides = [(4.0, 3.0), (4.0, 5.0), (3.0, 4.0), (5.0, 4.0)];
+        let along = (0..10).map(|step| 3.1 + 0.2 * f64::from(step));
+        let sides: Vec<(f64, f64)> =
+            along.flat_map(|at| [(at, 3.0), (at, 5.0), (3.0, at), (5.0, at)]).collect();
         let is_seen = |(x_m, y_m): (f64, f64)| {
             let around = (-1..=1).flat_map(|dx| (-1..=1).map(move |dy| (dx, dy)));
             let mut around = around.map(|(dx, dy)| (x_m + 0.2 * f64::from(dx), y_m + 0.2 * f64::from(dy)));
             around.any(|at| occupancy(&outcome, at) == Occupancy::Occupied)
         };
-        assert!(sides.into_iter().all(is_seen), "{mission}");
+        let seen = sides.iter().filter(|at| is_seen(**at)).count();
+        assert!(seen * 100 >= sides.len() * 90, "{mission}: {seen} of {}", sides.len());
     }
 }
 
 #[test]
 fn two_explorers_share_the_work() {
     let ended_s = |vehicles: usize| {
-        let outcome =
-            yard("kind = \"explore\"").vehicles(vehicles).block((4.0, 4.0, 2.0, 2.0)).run_to_the_end();
+        let yard = Place::new(16.0, 16.0).root("end = \"return\"\nuntil_s = 3600.0");
+        let yard = yard.vehicles(vehicles).with("[mission]\nkind = \"explore\"").block((8.0, 8.0, 4.0, 4.0));
+        let outcome = yard.run_to_the_end();
         assert_eq!(outcome.home, vehicles);
         let ends = outcome.missions.iter().filter_map(|(_, end)| end.as_ref());
         ends.map(|(at, _)| at.as_secs_f64()).fold(0.0, f64::max)
@@ -151,8 +155,8 @@ fn eight_explorers_behind_one_doorway_all_come_home() {
         let outcome = yard("kind = \"explore\"")
             .vehicles(8)
             .seed(seed)
-            .block((4.0, 1.2, 0.4, 8.4))
-            .block((4.0, 8.8, 0.4, 4.2))
+            .block((2.6, 1.0, 0.4, 8.0))
+            .block((2.6, 9.0, 0.4, 4.0))
             .run_to_the_end();
         assert_eq!(outcome.home, 8, "seed {seed}");
     }
