@@ -4,6 +4,7 @@ mod config {
     mod bundled;
     mod bus;
     mod laws;
+    mod missions;
     mod nodes;
     mod problems;
 }
