@@ -41,6 +41,12 @@ impl CellRect {
         (self.low.x..=self.high.x).contains(&cell.x) && (self.low.y..=self.high.y).contains(&cell.y)
     }
 
+    /// Gives all cells, row by row.
+    pub fn cells(self) -> impl Iterator<Item = Cell> {
+        let columns = self.low.x..=self.high.x;
+        (self.low.y..=self.high.y).flat_map(move |y| columns.clone().map(move |x| Cell::new(x, y)))
+    }
+
     /// Gives the number of columns.
     pub fn width_cells(self) -> u64 {
         self.high.x.abs_diff(self.low.x) as u64 + 1

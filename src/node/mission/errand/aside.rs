@@ -40,14 +40,11 @@ impl Errand {
             let distances = scene.peers.iter().map(|(_, peer)| peer.at.distance_to(at));
             distances.fold(ROOM_M, f64::min)
         };
-        let area = grid.area();
-        let cells =
-            (area.low.y..=area.high.y).flat_map(|y| (area.low.x..=area.high.x).map(move |x| Cell::new(x, y)));
         let worth = |cell: Cell| {
             let way_m = reached.cost_m(cell).filter(|way_m| *way_m <= WAY_M)?;
             Some((room_m(lattice.centre(cell)) - WORTH * way_m, cell))
         };
-        let best = cells.filter_map(worth).max_by(|a, b| a.0.total_cmp(&b.0))?;
+        let best = grid.area().cells().filter_map(worth).max_by(|a, b| a.0.total_cmp(&b.0))?;
         let to = lattice.centre(best.1);
         (best.0 > room_m(pose.at) + 0.5)
             .then(|| reached.route_to(&grid, pose.at, to))

@@ -65,7 +65,7 @@ impl Errand {
         let Some(mut grid) = self.ground(scene, None, false, &scene.claims()) else {
             return self.finish(scene, End::GaveUp(0));
         };
-        self.keep_frontiers(scene.pilot, grid.area());
+        self.keep_frontiers(scene.pilot);
         let wanted = self.rated(scene, grid.area());
         for is_narrow in [false, true] {
             if is_narrow {
@@ -157,7 +157,7 @@ impl Errand {
     }
 
     /// Brings the frontiers up to date.
-    fn keep_frontiers(&mut self, pilot: &Pilot, area: CellRect) {
+    fn keep_frontiers(&mut self, pilot: &Pilot) {
         let (slice, lattice) = (self.settings.slice, self.settings.lattice);
         let map = pilot.map();
         if let Some(frontiers) = &mut self.frontiers {
@@ -166,6 +166,7 @@ impl Errand {
             }
             return;
         }
+        let Some(area) = CellRect::around(lattice, self.settings.fence.corners(), 0.0) else { return };
         let inside = |at: Point| self.settings.fence.contains(at);
         let Ok(mut frontiers) = Frontiers::new(lattice, slice, area, inside) else { return };
         frontiers.update(map, area);
@@ -226,9 +227,7 @@ impl Errand {
         let reach_m = look.sure_range_m;
         let lattice = self.settings.lattice;
         let Some(area) = CellRect::around(lattice, &[from], reach_m) else { return };
-        if let Some(frontiers) = &self.frontiers {
-            self.keep_frontiers(pilot, frontiers.bounds());
-        }
+        self.keep_frontiers(pilot);
         let view = pilot.map().view(self.settings.slice, area);
         let is_covered = |wanted: &Wanted| {
             let off = from.angle_to(wanted.at) - heading;
@@ -244,18 +243,14 @@ impl Errand {
 
 /// Gives what can be reached with its cost in metres, the nearest first (in steps of [`COST_STEP_M`]).
 fn by_cost(grid: &Grid, reached: &Distances) -> impl Iterator<Item = (f64, Cell)> {
-    let area = grid.area();
     let mut steps: Vec<Vec<Cell>> = Vec::new();
-    for y in area.low.y..=area.high.y {
-        for x in area.low.x..=area.high.x {
-            let cell = Cell::new(x, y);
-            let Some(cost_m) = reached.cost_m(cell) else { continue };
-            let step = (cost_m / COST_STEP_M) as usize;
-            if step >= steps.len() {
-                steps.resize_with(step + 1, Vec::new);
-            }
-            steps[step].push(cell);
+    for cell in grid.area().cells() {
+        let Some(cost_m) = reached.cost_m(cell) else { continue };
+        let step = (cost_m / COST_STEP_M) as usize;
+        if step >= steps.len() {
+            steps.resize_with(step + 1, Vec::new);
         }
+        steps[step].push(cell);
     }
     let step_m = |(step, cells): (usize, Vec<Cell>)| {
         cells.into_iter().map(move |cell| (step as f64 * COST_STEP_M, cell))
