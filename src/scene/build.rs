@@ -92,7 +92,7 @@ pub struct SceneParts<'a> {
 /// The outline of an upright body.
 #[derive(Clone, PartialEq, Debug)]
 pub enum Footprint {
-    /// Corners of a simple polygon, in either direction around it; at most [`MAX_CORNERS`].
+    /// Corners of a simple polygon, in either direction around it; at most 1000.
     Corners(Polygon),
     /// A circle.
     Round {
