@@ -407,18 +407,26 @@ fn insert(transaction: &Transaction, batch: &Samples, clock: Option<&UtcOffset>)
     Ok(new)
 }
 
+/// A store that is in use is tried so often, and again after so long.
+const LOCK_TRIES: u32 = 5;
+const LOCK_AGAIN: Duration = Duration::from_millis(50);
+
 /// Takes the lock that a ground station holds while it writes a store. (Locks of the file itself are the database's.)
 fn lock(path: &Path) -> Result<File, StoreError> {
     let mut name = path.as_os_str().to_owned();
     name.push(".lock");
     let lock = File::create(PathBuf::from(name))
         .map_err(|error| StoreError::Unopened { path: path.to_owned(), reason: error.to_string() })?;
-    match lock.try_lock() {
-        Ok(()) => Ok(lock),
-        Err(std::fs::TryLockError::WouldBlock) => Err(StoreError::InUse { path: path.to_owned() }),
-        // Where files cannot be locked nobody is kept out either.
-        Err(std::fs::TryLockError::Error(_)) => Ok(lock),
+    for attempt in 1..=LOCK_TRIES {
+        match lock.try_lock() {
+            // Where files cannot be locked nobody is kept out either.
+            Ok(()) | Err(std::fs::TryLockError::Error(_)) => return Ok(lock),
+            // A child that was begun while the lock was held holds it too until it runs its own program.
+            Err(std::fs::TryLockError::WouldBlock) if attempt < LOCK_TRIES => std::thread::sleep(LOCK_AGAIN),
+            Err(std::fs::TryLockError::WouldBlock) => break,
+        }
     }
+    Err(StoreError::InUse { path: path.to_owned() })
 }
 
 /// Opens a file to read; where not even the index of its log can be made (a read-only folder), as one that nobody changes.
