@@ -105,7 +105,7 @@ impl Task {
         let kind = section.choice("kind", Kind::Sweep, &KINDS);
         let task = match kind {
             Kind::Sweep | Kind::Calibrate | Kind::Fan | Kind::FanStraight => Task::Sweep,
-            Kind::Square => Task::Legs { places: closed(read_square(section, area)) },
+            Kind::Square => Task::Legs { places: read_square(section, area) },
             Kind::Waypoints => Task::Legs { places: read_places(section, venue, loader) },
             Kind::Forward => Task::Forward { distance_m: section.number("distance_m", 5.0, 0.1..=1000.0) },
             Kind::Browse => Task::Browse,
@@ -113,7 +113,11 @@ impl Task {
             Kind::Pathfind if section.has("waypoints_m") || section.has("file") => {
                 Task::Pathfind { places: read_places(section, venue, loader) }
             }
-            Kind::Pathfind => Task::Pathfind { places: read_square(section, area) },
+            Kind::Pathfind => {
+                let mut places = read_square(section, area);
+                places.pop();
+                Task::Pathfind { places }
+            }
             Kind::Explore => Task::Explore,
         };
         section.finish();
@@ -185,18 +189,16 @@ fn places_of(section: &Section, path: &str, file: &WaypointFile, venue: &Venue) 
     places.into_iter().map(|(_, at)| at).collect()
 }
 
-/// Reads a square: its corners as the original's mission drives them, the first north-west.
+/// Reads a square: its corners as the original's mission drives them, the first north-west, and that again at the end.
 fn read_square(section: &Section, area: Option<Rect>) -> Vec<Point> {
     let side_m = area.map_or(10.0, |area| area.width_m().min(area.height_m()));
-    let half_m = 0.5 * section.number("size_m", side_m, 0.1..=10_000.0);
+    let size_m = section.number("size_m", side_m, 0.1..=10_000.0);
     let middle = area.map_or(Point::default(), Rect::centre);
     let centre = section.numbers("centre_m", &[middle.x_m, middle.y_m], 2..=2, COORDINATE_M);
-    let corner = |east: f64, north: f64| Point::new(centre[0] + east * half_m, centre[1] + north * half_m);
-    vec![corner(-1.0, 1.0), corner(1.0, 1.0), corner(1.0, -1.0), corner(-1.0, -1.0)]
-}
-
-/// Ends a round where it began.
-fn closed(mut places: Vec<Point>) -> Vec<Point> {
-    places.extend(places.first().copied());
-    places
+    let middle = Point::new(centre[0], centre[1]);
+    let mut corners = Rect::new(middle, middle).shrunk(-0.5 * size_m).corners().to_vec();
+    // Clockwise, and not from south-west.
+    corners.reverse();
+    corners.extend(corners.first().copied());
+    corners
 }

@@ -10,7 +10,7 @@ use thiserror::Error;
 use tomoswarm_proto::{Digest, LayerDigest, LayerId, TILE_CELLS, TileAddress, TileReport, Want};
 
 use super::kept::Kept;
-use super::tile::{MERGED_CLAMP, Occupancy, Tile, TileError, address_of, index_in_tile, origin_of};
+use super::tile::{MERGED_CLAMP, Occupancy, Tile, TileError, address_of, index_in_tile};
 use super::window::{CellRect, Sums, View};
 use super::{Layer, OCCUPIED_FROM};
 use crate::geom::{Cell, Lattice};
@@ -173,10 +173,7 @@ impl Merged {
     pub fn extent(&self, slice: i16) -> Option<CellRect> {
         let low = TileAddress { slice, x: i32::MIN, y: i32::MIN };
         let high = TileAddress { slice, x: i32::MAX, y: i32::MAX };
-        let tiles = self.sums.range(low..=high).map(|(address, _)| {
-            let from = origin_of(*address);
-            CellRect { low: from, high: Cell::new(from.x + 31, from.y + 31) }
-        });
+        let tiles = self.sums.range(low..=high).map(|(address, _)| CellRect::of_tile(*address));
         tiles.reduce(CellRect::join)
     }
 

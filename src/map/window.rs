@@ -1,8 +1,8 @@
 //! A rectangle of the merged map, borrowed for fast reading: one index instead of a tree search per cell.
 
-use tomoswarm_proto::TILE_CELLS;
+use tomoswarm_proto::{TILE_CELLS, TILE_SIDE, TileAddress};
 
-use super::tile::{Occupancy, REACH_TILES, SIDE_BITS, index_in_tile};
+use super::tile::{Occupancy, REACH_TILES, SIDE_BITS, index_in_tile, origin_of};
 use crate::geom::{Cell, Lattice, Point, Rect};
 
 /// A rectangle of cells; both corners belong to it.
@@ -39,6 +39,13 @@ impl CellRect {
     /// Tells whether a cell belongs to the rectangle.
     pub fn contains(self, cell: Cell) -> bool {
         (self.low.x..=self.high.x).contains(&cell.x) && (self.low.y..=self.high.y).contains(&cell.y)
+    }
+
+    /// Gives the cells of a tile.
+    pub fn of_tile(address: TileAddress) -> CellRect {
+        let low = origin_of(address);
+        let last = TILE_SIDE as i32 - 1;
+        CellRect { low, high: Cell::new(low.x.saturating_add(last), low.y.saturating_add(last)) }
     }
 
     /// Gives all cells, row by row.

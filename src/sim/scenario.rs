@@ -20,7 +20,7 @@ use super::shown::Shown;
 use super::staging;
 use super::world::{Build, Flying, GROUND_CLEARANCE_M, Stage, World};
 use crate::actor::Fault;
-use crate::config::{self, Craft, Expect, Sim, Task};
+use crate::config::{self, Craft, Expect, Sim};
 use crate::geom::Point;
 use crate::ground::imager::Subject;
 use crate::ground::planner::Method;
@@ -142,14 +142,10 @@ impl Scenario {
     }
 
     fn script_with(&self, second: Option<Stage>) -> Script {
-        match self.sim.task {
-            Task::Sweep => Script::new(second, self.sim.end, self.sim.expect),
-            Task::Legs { .. }
-            | Task::Forward { .. }
-            | Task::Browse
-            | Task::Search
-            | Task::Pathfind { .. }
-            | Task::Explore => Script::of_missions(self.sim.end, self.sim.expect),
+        let (end, expect) = (self.sim.end, self.sim.expect);
+        match self.sim.task.is_planned_by_ground() {
+            true => Script::new(second, end, expect),
+            false => Script::of_missions(end, expect),
         }
     }
 
@@ -392,7 +388,7 @@ impl Scenario {
     }
 
     fn unended(&self, record: &Recorder) -> String {
-        if self.sim.task == Task::Sweep {
+        if self.sim.task.is_planned_by_ground() {
             return "the sweep did not end in time".to_owned();
         }
         let under_way = record.missions.iter().filter(|(_, end)| end.is_none());

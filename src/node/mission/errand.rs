@@ -30,7 +30,7 @@ use crate::geom::{Cell, Point, Pose, Vector};
 use crate::node::peers::Peers;
 use crate::node::vehicle::Command;
 use crate::node::{Settings, Task};
-use crate::plan::{Frontiers, NoRoute, Rules};
+use crate::plan::{Frontiers, NoRoute};
 use crate::time::{Deadline, Time};
 
 use self::looks::Looks;
@@ -338,8 +338,8 @@ impl Errand {
 
     /// Gives how long a look takes: every beam twice.
     fn dwell(&self) -> Duration {
-        let beams = &self.settings.look;
-        beams.period * (2 * beams.beams.len() as u32 + 1)
+        let look = &self.settings.look;
+        2 * look.cycle() + look.period
     }
 
     /// Notes what peers look at, so that it is not looked at by all of them in vain.
@@ -416,9 +416,5 @@ impl Errand {
         unknown_allowed: bool,
     ) -> Result<(Vec<Point>, bool), NoRoute> {
         self.route_clear_of(scene, goal, unknown_allowed, &scene.claims())
-    }
-
-    fn rules(&self) -> Rules {
-        super::pilot::RULES
     }
 }

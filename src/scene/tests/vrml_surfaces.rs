@@ -11,6 +11,19 @@ fn read_up(geometry: &str, up: Up) -> Result<VrmlScene, VrmlError> {
     read_vrml(&text, "test.wrl", up, &mut |_| Err("none".into()))
 }
 
+/// Builds a scene of the shapes read, and of nothing else.
+fn scene_of(read: &VrmlScene) -> Scene {
+    let parts = SceneParts {
+        shapes: &read.shapes,
+        offset_m: [0.0; 3],
+        materials: &BTreeMap::new(),
+        default_material: Material::default(),
+        posts: &[],
+        persons: &[],
+    };
+    Scene::build(&parts).unwrap()
+}
+
 /// Gives the surface of the only shape, in the file's own coordinates.
 fn surface(geometry: &str) -> Mesh {
     read_up(geometry, Up::Z).unwrap().shapes[0].shape.surface()
@@ -84,15 +97,7 @@ fn a_grid_lies_level_with_y_up_and_with_z_up_when_it_is_turned() {
 #[test]
 fn a_grid_is_met_at_the_height_of_its_corners_and_between_them() {
     let read = read_up(GRID, Up::Y).unwrap();
-    let parts = SceneParts {
-        shapes: &read.shapes,
-        offset_m: [0.0; 3],
-        materials: &BTreeMap::new(),
-        default_material: Material::default(),
-        posts: &[],
-        persons: &[],
-    };
-    let scene = Scene::build(&parts).unwrap();
+    let scene = scene_of(&read);
     // The heights lie in one plane: x / 2 + z (= -y).
     for (x, y) in [(0.5, -0.5), (1.9, -2.9), (3.0, -1.5), (3.9, -0.1)] {
         let hit = scene.cast([x, y, 100.0], [0.0, 0.0, -1.0], 200.0).unwrap();
@@ -201,15 +206,7 @@ fn a_closed_spine_needs_no_caps_and_surrounds_a_hole() {
         spine [ 1 0 1, 1 0 -1, -1 0 -1, -1 0 1, 1 0 1 ] }";
     let read = read_up(ring, Up::Y).unwrap();
     assert_eq!((read.shapes[0].faces, read.shapes[0].triangles), (16, 32));
-    let parts = SceneParts {
-        shapes: &read.shapes,
-        offset_m: [0.0; 3],
-        materials: &BTreeMap::new(),
-        default_material: Material::default(),
-        posts: &[],
-        persons: &[],
-    };
-    let scene = Scene::build(&parts).unwrap();
+    let scene = scene_of(&read);
     assert!(scene.objects()[0].closed);
     let outline = scene.outlines(0.0).remove(0);
     // The corners' sections lie on the diagonals, 0.1 m to each side: the frame is 0.1 · √2 m thick.

@@ -3,6 +3,7 @@
 
 use super::{Aim, End, Errand, Scene, WAIT, WAITS_MAX};
 use crate::geom::{Cell, Point};
+use crate::node::mission::pilot::RULES;
 use crate::plan::Distances;
 
 /// So many waits before the highest id steps aside, and so many more for every higher id that is there.
@@ -35,7 +36,7 @@ impl Errand {
     fn way_aside(&self, scene: &Scene<'_>) -> Option<Vec<Point>> {
         let (pose, lattice) = (scene.pose(), self.settings.lattice);
         let grid = self.ground(scene, None, false, &scene.claims())?;
-        let reached = Distances::from_start(&grid, lattice.cell_at(pose.at), &self.rules()).ok()?;
+        let reached = Distances::from_start(&grid, lattice.cell_at(pose.at), &RULES).ok()?;
         let room_m = |at: Point| {
             let distances = scene.peers.iter().map(|(_, peer)| peer.at.distance_to(at));
             distances.fold(ROOM_M, f64::min)

@@ -3,13 +3,11 @@
 //!
 //! Only ground known to be free is driven over; what stays unknown after some looks, each from nearer by, is left.
 
-use tomoswarm_proto::{TILE_SIDE, TileAddress};
-
 use super::{Aim, End, Errand, Scene};
 use crate::geom::{Angle, Cell, Lattice, Point, Segment};
 use crate::map::{CellRect, Occupancy, View};
 use crate::node::Task;
-use crate::node::mission::pilot::Pilot;
+use crate::node::mission::pilot::{Pilot, RULES};
 use crate::plan::{Distances, Frontiers, Grid};
 
 /// The vehicle goes this much nearer to what it looks at than it must keep from it, metres; when it cannot, it looks
@@ -29,8 +27,8 @@ const AWAY_FACTOR: f64 = 2.0;
 const COST_STEP_M: f64 = 0.1;
 /// A peer that is nearer to something than this share of the own way there gets it.
 const PEER_SHARE: f64 = 0.9;
-/// What is this near to where a peer is going is left to it, metres.
-const PEER_M: f64 = 3.0;
+/// What is farther than this from where a peer is going is not left to it, metres.
+const PEER_M: f64 = 12.0;
 /// A peer that has not moved for so long is not going anywhere.
 const PEER_GOES: std::time::Duration = std::time::Duration::from_secs(30);
 /// Side of the squares by which frontiers are found, metres.
@@ -82,7 +80,7 @@ impl Errand {
     fn choose_sight(&self, scene: &Scene<'_>, grid: &Grid, wanted: &[Wanted]) -> Option<(Sight, Distances)> {
         let (pose, lattice) = (scene.pose(), self.settings.lattice);
         let start = lattice.cell_at(pose.at);
-        let reached = Distances::from_start(grid, start, &self.rules()).ok()?;
+        let reached = Distances::from_start(grid, start, &RULES).ok()?;
         let buckets = Buckets::new(lattice, grid.area(), wanted);
         let view = scene.pilot.map().view(self.settings.slice, grid.area());
         let (near_m, far_m) = self.reaches_m(scene.pilot.keep_m(pose));
@@ -162,7 +160,7 @@ impl Errand {
         let map = pilot.map();
         if let Some(frontiers) = &mut self.frontiers {
             for address in std::mem::take(&mut self.changed) {
-                frontiers.update(map, tile_rect(address));
+                frontiers.update(map, CellRect::of_tile(address));
             }
             return;
         }
@@ -174,19 +172,9 @@ impl Errand {
     }
 
     /// Tells whether a cell is still a frontier.
-    pub(super) fn is_frontier(&self, pilot: &Pilot, cell: Cell) -> bool {
-        let around = CellRect::new(Cell::new(cell.x - 1, cell.y - 1), Cell::new(cell.x + 1, cell.y + 1));
-        self.is_open_frontier(&pilot.map().view(self.settings.slice, around), cell)
-    }
-
-    fn is_open_frontier(&self, view: &View<'_>, cell: Cell) -> bool {
-        if view.occupancy(cell) != Occupancy::Free {
-            return false;
-        }
-        let beside = [(1, 0), (0, 1), (-1, 0), (0, -1)];
-        let mut beside = beside.iter().map(|(dx, dy)| Cell::new(cell.x + dx, cell.y + dy));
-        let is_inside = |cell: Cell| self.settings.fence.contains(self.settings.lattice.centre(cell));
-        beside.any(|beside| view.occupancy(beside) == Occupancy::Unknown && is_inside(beside))
+    pub(super) fn is_frontier(&mut self, pilot: &Pilot, cell: Cell) -> bool {
+        self.keep_frontiers(pilot);
+        self.frontiers.as_ref().is_some_and(|frontiers| frontiers.contains(cell))
     }
 
     /// Gives what is worth a look, and what is rather looked at: by a search what is near to objects, by an explorer what
@@ -216,7 +204,7 @@ impl Errand {
         let goes = |moved_at| scene.now.since(moved_at) <= PEER_GOES;
         let ends = scene.peers.iter().filter(|(_, peer)| goes(peer.moved_at) && !peer.is_silent(scene.now));
         let mut ends = ends.filter_map(|(_, peer)| peer.claim.last());
-        ends.any(|end| end.distance_to(at) < (PEER_SHARE * own_m).min(PEER_M * 4.0))
+        ends.any(|end| end.distance_to(at) < (PEER_SHARE * own_m).min(PEER_M))
     }
 
     /// Notes a look from a place along a heading at everything unknown that it covered, and at one cell surely.
@@ -261,12 +249,6 @@ fn by_cost(grid: &Grid, reached: &Distances) -> impl Iterator<Item = (f64, Cell)
 /// Tells whether only free ground lies between a place and a free cell.
 fn sees(view: &View<'_>, lattice: Lattice, from: Point, to: Point) -> bool {
     lattice.cells_under(Segment::new(from, to)).all(|cell| view.occupancy(cell) == Occupancy::Free)
-}
-
-fn tile_rect(address: TileAddress) -> CellRect {
-    let side = TILE_SIDE as i32;
-    let low = Cell::new(address.x.saturating_mul(side), address.y.saturating_mul(side));
-    CellRect::new(low, Cell::new(low.x.saturating_add(side - 1), low.y.saturating_add(side - 1)))
 }
 
 impl Buckets {

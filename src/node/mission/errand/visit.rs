@@ -5,6 +5,7 @@ use super::{Aim, End, Errand, Scene, WAIT};
 use crate::geom::{Point, Segment};
 use crate::map::{CellRect, Occupancy};
 use crate::node::mission::Remark;
+use crate::node::mission::pilot::RULES;
 use crate::plan::{Grid, NoRoute, shortest_route};
 
 impl Errand {
@@ -67,9 +68,9 @@ impl Errand {
         let mut grid = self.ground(scene, Some(goal), unknown_allowed, peers).ok_or(NoRoute::GoalOutside)?;
         let from = scene.pose().at;
         let corners = |route: crate::plan::Route| route.points[1..].to_vec();
-        shortest_route(&grid, from, goal, &self.rules()).map(|route| (corners(route), false)).or_else(|_| {
+        shortest_route(&grid, from, goal, &RULES).map(|route| (corners(route), false)).or_else(|_| {
             grid.open_along(scene.pilot.driven());
-            shortest_route(&grid, from, goal, &self.rules()).map(|route| (corners(route), true))
+            shortest_route(&grid, from, goal, &RULES).map(|route| (corners(route), true))
         })
     }
 
