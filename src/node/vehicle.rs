@@ -18,15 +18,15 @@
 //! what it was told to do. The others are drawn in their files: how far a disarming has come (`disarming.rs`), and
 //! whether the autopilot is heard (`last_telemetry.rs`).
 //!
-//! What orders leave standing (`restraint.rs`), [Free] at first; weaker orders lead no way back:
+//! What orders leave standing (`restraint.rs`), at first nothing; a weaker order leads no way back:
 //!
 //! ```text
 //!   [Free] ──Hold──► [Held] ──Land──► [Landing] ──Emergency, CutMotors──► [Emergency]
-//!     ▲ └── Hold, Land, Emergency, CutMotors: from any to the one that they name, if it lies to the right
+//!     ▲ └── Hold, Land, Emergency, CutMotors: from any to the one that they lead to here, if it lies to the right
 //!     └──── Start from any, Return from any but an emergency
 //! ```
 //!
-//! What the vehicle was told about moving (`movement.rs`), [Idle] at first. An accepted command and a stop lead from any
+//! What the vehicle was told about moving (`movement.rs`), at first nothing. An accepted command and a stop lead from any
 //! state; a stop is an order, a `Hold` of the mission, a place lost, or a peer that is yielded to:
 //!
 //! ```text

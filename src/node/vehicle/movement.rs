@@ -196,9 +196,9 @@ impl Stop {
 
 #[cfg(test)]
 mod tests {
-    use super::super::tests::drawings::variant_of;
     use super::*;
     use crate::geom::{Angle, Pose};
+    use crate::node::tests_support::variant_of;
 
     fn at(time_s: f64) -> Time {
         Time::from_secs_f64(time_s)

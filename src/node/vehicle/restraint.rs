@@ -72,8 +72,8 @@ impl Restraint {
 
 #[cfg(test)]
 mod tests {
-    use super::super::tests::drawings::variant_of;
     use super::*;
+    use crate::node::tests_support::variant_of;
 
     const KINDS: [OrderKind; 6] = [
         OrderKind::Start,

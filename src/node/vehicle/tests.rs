@@ -7,7 +7,7 @@ use super::*;
 use crate::geom::Angle;
 use crate::geom::Pose;
 
-pub(super) mod drawings;
+mod drawings;
 mod laws;
 
 const LEASE: Lease = Lease { number: 3, holder: 50 };

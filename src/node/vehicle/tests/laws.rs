@@ -9,8 +9,8 @@ use proptest::strategy::ValueTree;
 use proptest::test_runner::TestRunner;
 use tomoswarm_proto::{Ordered, StopId};
 
-use super::drawings::{variant_of, variants};
 use super::*;
+use crate::node::tests_support::{variant_of, variants};
 use crate::node::vehicle::disarming::Disarming;
 use crate::node::vehicle::restraint::Restraint;
 
@@ -209,7 +209,7 @@ impl Witness {
                 let to = [Point::new(1.0, y_m), Point::new(1.0, 1.0)].map(Into::into).to_vec();
                 let leg = drives.then_some(LegReport { route: to });
                 let mode = if drives { Mode::Driving } else { Mode::Idle };
-                let peer = super::super::super::tests_support::state(2, 1.0, y_m);
+                let peer = crate::node::tests_support::state(2, 1.0, y_m);
                 In::Peer(State { sequence: self.peer_sequence, mode, leg, ..peer })
             }
             Happening::MissionHolds(holds) => In::Holds(holds),
@@ -241,7 +241,11 @@ impl Witness {
                     let rests = matches!(input, In::Telemetry(told) if told.motion == Motion::Resting);
                     assert!(may || (self.disarm_owed.is_some() && rests), "braking needs the motors");
                 }
-                Fly::Stop => {}
+                Fly::Stop => {
+                    let is_lost = |told: &Telemetry| told.pose.sd_m > 0.5;
+                    let is_due = |told| self.stop_said.is_some() || is_lost(told);
+                    assert!(!matches!(input, In::Telemetry(told) if !is_due(told)), "it stops for nothing");
+                }
             }
         }
         if let In::Command(_, Command::Hold) = input {
