@@ -22,12 +22,13 @@ use zenoh::Wait;
 use zenoh::qos::{CongestionControl, Priority};
 use zenoh::sample::Locality;
 
-use super::allowance::Allowance;
 use super::clock::Clock;
 use super::desk::{Troubles, lock};
-use super::egress::{Class, Egress, Parcel};
-use super::subjects::heard_by;
+use super::subjects;
 use super::trust::AccessRule;
+use crate::exchange::egress::{Egress, OutboundFrame};
+use crate::exchange::table::{Class, Subject, may_say};
+use crate::exchange::token_bucket::TokenBucket;
 use crate::time::Time;
 
 /// Between two tries to open a session.
@@ -173,7 +174,7 @@ struct Shared {
 
 #[derive(Default)]
 struct Ingress {
-    allowances: BTreeMap<Sender, Allowance>,
+    allowances: BTreeMap<Sender, TokenBucket>,
     /// Reasons already logged, by sender.
     logged: BTreeMap<(Option<Sender>, &'static str), u64>,
 }
@@ -262,10 +263,7 @@ impl Mouth {
         if !shared.is_open.load(Ordering::Relaxed) && !matches!(message, Message::Hello(_)) {
             return;
         }
-        let Some(frame) = shared.frame(message) else { return };
-        let key = Key::of(shared.settings.node, message).as_str().to_owned();
-        let is_state = !matches!(message, Message::Samples(_) | Message::Want(_));
-        let parcel = Parcel { class: Class::of(message), key, is_state, frame };
+        let Some(parcel) = shared.frame(message) else { return };
         let now = shared.clock.now();
         let ready = lock(&shared.egress).offer(now, parcel);
         match ready {
@@ -340,7 +338,7 @@ impl Shared {
             }
             false => settings_error(&error),
         })?;
-        for key in heard_by(self.settings.node) {
+        for key in subjects::heard_by(self.settings.node) {
             let weak = Arc::downgrade(self);
             let hear = move |sample: zenoh::sample::Sample| {
                 if let Some(shared) = weak.upgrade() {
@@ -371,9 +369,9 @@ impl Shared {
     }
 
     /// Encodes a message; one that cannot be sent is a trouble until one of its kind can.
-    fn frame(&self, message: &Message) -> Option<Vec<u8>> {
+    fn frame(&self, message: &Message) -> Option<OutboundFrame> {
         let who = || format!("bus: {}", message.word());
-        match codec::encode(message) {
+        match OutboundFrame::of(message) {
             Ok(frame) => {
                 if self.has_failed.load(Ordering::Relaxed) {
                     self.troubles.clear(&who());
@@ -437,7 +435,7 @@ impl Shared {
     fn drain(&self) {
         let mut egress = lock(&self.egress);
         let now = self.clock.now();
-        let due: Vec<Parcel> = std::iter::from_fn(|| egress.due(now)).collect();
+        let due: Vec<OutboundFrame> = std::iter::from_fn(|| egress.due(now)).collect();
         if due.is_empty() {
             let wait = egress.next().map_or(LOOKS_EVERY, |at| at.since(now)).min(LOOKS_EVERY);
             if !self.is_closing.load(Ordering::Relaxed) {
@@ -456,7 +454,7 @@ impl Shared {
         }
     }
 
-    fn send(&self, parcel: Parcel) {
+    fn send(&self, parcel: OutboundFrame) {
         let session = self.session.read().unwrap_or_else(PoisonError::into_inner);
         let Some(session) = &*session else { return };
         self.sent.fetch_add(1, Ordering::Relaxed);
@@ -467,10 +465,10 @@ impl Shared {
             Class::Normal => (Priority::Data, false),
             Class::Low => (Priority::Background, false),
         };
-        let key = format!("{}/{}", self.settings.prefix, parcel.key);
-        let put = session.put(key, parcel.frame).congestion_control(CongestionControl::Drop);
+        let key = format!("{}/{}", self.settings.prefix, subjects::key(self.settings.node, parcel.subject));
+        let put = session.put(&key, parcel.frame).congestion_control(CongestionControl::Drop);
         if let Err(error) = put.priority(priority).express(is_express).wait() {
-            tracing::debug!("not published under {}: {error}", parcel.key);
+            tracing::debug!("not published under {key}: {error}");
         }
     }
 
@@ -483,7 +481,7 @@ impl Shared {
         };
         let share = |ingress: &mut Ingress| {
             let per_s = INGRESS_SHARE * f64::from(self.settings.egress_bytes_per_s);
-            let fresh = || Allowance::new(per_s, INGRESS_SAVED_S * per_s);
+            let fresh = || TokenBucket::new(per_s, INGRESS_SAVED_S * per_s);
             ingress.allowances.entry(sender).or_insert_with(fresh).spend(now, bytes.len())
         };
         if !share(&mut lock(&self.ingress)) {
@@ -517,14 +515,8 @@ impl Shared {
             };
         }
         let message = codec::decode(bytes).map_err(|error| format!("{error} (under {key})"))?;
-        if message.author().is_some_and(|author| author != sender)
-            || Key::of(sender, &message).as_str() != key
-        {
+        if !may_say(sender, &message) || subjects::key(sender, Subject::of(&message)) != key {
             return Err(format!("what {sender} may not say, under {key}"));
-        }
-        let is_order = matches!(message, Message::Order(_));
-        if is_order && matches!(sender, Sender::Vehicle(_)) {
-            return Err(format!("an order of {sender}"));
         }
         Ok(Heard::Message(sender, message))
     }

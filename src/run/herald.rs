@@ -7,7 +7,7 @@ use tomoswarm_proto::{Hello, Message, OrderKind, Sender};
 
 use super::bus::{Bus, BusError, BusSettings, Heard, Mouth, Reply};
 use super::desk::{Ending, Office, lock};
-use super::joining::{Joining, Verdict};
+use crate::exchange::joining::{Joining, Verdict};
 use crate::time::Time;
 
 /// A node on the bus.

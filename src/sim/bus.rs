@@ -13,6 +13,7 @@ use tomoswarm_proto::{Message, VehicleId};
 
 use super::noise::{Noise, Purpose};
 use crate::config::Partition;
+use crate::exchange::table::{About, Subject, Vehicles};
 use crate::time::Time;
 
 /// A node of the swarm: the ground station or a vehicle.
@@ -164,20 +165,25 @@ pub fn deliver(frame: &[u8]) -> Result<Message, DecodeError> {
     decode(frame)
 }
 
-/// Gives who subscribes to a message, in a swarm of these vehicles and a ground station.
-pub fn receivers(message: &Message, vehicles: impl Iterator<Item = VehicleId>) -> Vec<NodeId> {
-    let vehicles = vehicles.map(NodeId::Vehicle);
-    match message {
-        Message::Samples(_) | Message::Health(_) => vec![NodeId::Ground],
-        Message::Order(order) => vec![NodeId::Vehicle(order.vehicle)],
-        Message::Plan(_) | Message::Have(_) | Message::Report(_) => vehicles.collect(),
-        Message::State(_)
-        | Message::Tile(_)
-        | Message::Digest(_)
-        | Message::Want(_)
-        | Message::Progress(_)
-        | Message::Hello(_) => vehicles.chain([NodeId::Ground]).collect(),
-        Message::Beacon(_) => Vec::new(),
+/// Returns who hears what a sender says, in a swarm of these vehicles and a ground station: the vehicles first, in the order
+/// that is given. There is no operator on the simulated bus.
+pub fn receivers(
+    sender: NodeId,
+    message: &Message,
+    vehicles: impl Iterator<Item = VehicleId>,
+) -> Vec<NodeId> {
+    let subject = Subject::of(message);
+    let Some(audience) = subject.kind.row().audience(sender) else { return Vec::new() };
+    let ground = audience.ground.then_some(NodeId::Ground);
+    match (audience.vehicles, subject.about) {
+        (Vehicles::All, _) => vehicles.map(NodeId::Vehicle).chain(ground).collect(),
+        // An order for a vehicle that is not there is lost as any other can be.
+        (Vehicles::Addressed, About::Vehicle(vehicle)) => {
+            [NodeId::Vehicle(vehicle)].into_iter().chain(ground).collect()
+        }
+        (Vehicles::Addressed, About::Sender | About::Layer(_) | About::Tile(..)) | (Vehicles::None, _) => {
+            ground.into_iter().collect()
+        }
     }
 }
 
@@ -192,6 +198,8 @@ fn number(node: NodeId) -> u64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::exchange::examples::examples;
+    use crate::exchange::table::may_say;
     use tomoswarm_proto::{Progress, RunId, TileAddress, Want};
 
     const A: NodeId = NodeId::Vehicle(VehicleId(1));
@@ -273,6 +281,35 @@ mod tests {
             deliveries
         };
         assert_eq!(sorted(alone), sorted(among_others));
+    }
+
+    /// Who subscribed to what before there was a table.
+    fn subscribers(message: &Message) -> Vec<NodeId> {
+        match message {
+            Message::Samples(_) | Message::Health(_) => vec![NodeId::Ground],
+            Message::Order(order) => vec![NodeId::Vehicle(order.vehicle)],
+            Message::Plan(_) | Message::Have(_) | Message::Report(_) => vec![A, B],
+            Message::State(_)
+            | Message::Tile(_)
+            | Message::Digest(_)
+            | Message::Want(_)
+            | Message::Progress(_)
+            | Message::Hello(_) => vec![A, B, NodeId::Ground],
+            Message::Beacon(_) => Vec::new(),
+        }
+    }
+
+    #[test]
+    fn whoever_may_say_a_message_is_heard_by_its_subscribers() {
+        for (word, message) in examples() {
+            for sender in ALL.into_iter().filter(|sender| may_say(*sender, &message)) {
+                let others = |nodes: Vec<NodeId>| -> Vec<NodeId> {
+                    nodes.into_iter().filter(|node| *node != sender).collect()
+                };
+                let heard_by = receivers(sender, &message, [VehicleId(1), VehicleId(2)].into_iter());
+                assert_eq!(others(heard_by), others(subscribers(&message)), "{word} of {sender}");
+            }
+        }
     }
 
     #[test]

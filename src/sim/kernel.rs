@@ -385,7 +385,7 @@ impl Kernel {
     }
 
     fn publish(&mut self, sender: NodeId, message: &Message) {
-        let receivers = receivers(message, self.vehicles.iter().map(VehicleNode::id));
+        let receivers = receivers(sender, message, self.vehicles.iter().map(VehicleNode::id));
         // A message too long for a frame is dropped here as a live bus would drop it.
         let Ok(deliveries) = self.bus.send(self.now, sender, message, &receivers) else { return };
         for delivery in deliveries {
