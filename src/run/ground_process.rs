@@ -113,7 +113,9 @@ pub fn run(
         report: Mutex::default(),
     });
     let told = desks.clone();
-    let keeper = keeper(edge.archive.clone(), wanted, move |message| told.tell(Event::Bus(message)))?;
+    let keeper = keeper(edge.archive.clone(), wanted, move |batch| {
+        told.tell(Event::Bus(Sender::Vehicle(batch.vehicle), Message::Samples(batch)));
+    })?;
     let lattice = crate::geom::Lattice::new(file.venue.cell_m);
     let recorder = recorder(file.record, &state_dir, "ground", text, lattice);
     let of_actors = edge.clone();
@@ -230,7 +232,7 @@ impl Ear {
             }
             Message::Tile(report) => {
                 drop(self.store.try_send(Wanted::Tile(report.clone())));
-                self.desks.tell(Event::Bus(Message::Tile(report)));
+                self.desks.tell(Event::Bus(sender, Message::Tile(report)));
             }
             Message::State(_)
             | Message::Digest(_)
@@ -241,7 +243,7 @@ impl Ear {
             | Message::Have(_)
             | Message::Beacon(_)
             | Message::Health(_)
-            | Message::Report(_) => self.desks.tell(Event::Bus(message)),
+            | Message::Report(_) => self.desks.tell(Event::Bus(sender, message)),
         }
     }
 }

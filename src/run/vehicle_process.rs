@@ -171,7 +171,8 @@ pub fn run(
     let told = desks.clone();
     let access = membership::access(node, &file.venue, &file.bus, Some(&state_dir))?;
     let bus = membership::bus_settings(node, &file.venue, &file.bus, access);
-    let mut herald = process.join(bus, hello, move |_, message| told.tell(Event::Bus(message)))?;
+    let mut herald =
+        process.join(bus, hello, move |sender, message| told.tell(Event::Bus(sender, message)))?;
     // Nothing is driven by a node that may not take part.
     if let Some(finish) = process.ask(&mut herald, is_stopped) {
         herald.close();

@@ -1,5 +1,5 @@
-//! The bus between nodes, in memory: every message is encoded once by the sender's side and decoded
-//! by each receiver's, so that what cannot travel does not. It delays, drops, doubles, reorders and
+//! The bus between nodes, in memory: every message is encoded once and decoded once, whoever receives it, so that what
+//! cannot travel does not. It delays, drops, doubles, reorders and
 //! partitions by noise keyed by sender, count and receiver; nobody's traffic changes another's luck.
 //!
 //! It stores nothing: what is not delivered is gone. The caller hands the frames over in time.
@@ -50,15 +50,45 @@ impl Default for BusModel {
     }
 }
 
+/// A message as it travels: what its receivers read, with the length of its bytes.
+#[derive(PartialEq, Debug)]
+pub struct Frame {
+    sender: NodeId,
+    bytes: usize,
+    /// What decoding the bytes gave; the same for every receiver.
+    read: Result<Message, DecodeError>,
+}
+
+impl Frame {
+    /// Encodes a message, and reads it again as its receivers will.
+    ///
+    /// # Errors
+    /// The message is too long for a frame.
+    pub fn new(sender: NodeId, message: &Message) -> Result<Frame, EncodeError> {
+        let bytes = encode(message)?;
+        Ok(Frame { sender, bytes: bytes.len(), read: decode(&bytes) })
+    }
+
+    /// Returns who said it.
+    pub fn sender(&self) -> NodeId {
+        self.sender
+    }
+
+    /// Returns its length, bytes.
+    pub fn bytes(&self) -> usize {
+        self.bytes
+    }
+}
+
 /// A frame that reaches a node.
-#[derive(Clone, PartialEq, Eq, Debug)]
+#[derive(Clone, PartialEq, Debug)]
 pub struct Delivery {
     /// When.
     pub at: Time,
     /// Whom.
     pub to: NodeId,
-    /// The bytes, for [`deliver`].
-    pub frame: Arc<[u8]>,
+    /// What arrives, for [`deliver`].
+    pub frame: Arc<Frame>,
 }
 
 /// What a node has sent and was sent.
@@ -105,8 +135,8 @@ impl Bus {
         message: &Message,
         receivers: &[NodeId],
     ) -> Result<Vec<Delivery>, EncodeError> {
-        let frame: Arc<[u8]> = encode(message)?.into();
-        let bytes = frame.len() as u64;
+        let frame = Arc::new(Frame::new(sender, message)?);
+        let bytes = frame.bytes() as u64;
         let traffic = self.traffic.entry(sender).or_default();
         let count = traffic.sent_messages;
         traffic.sent_messages += 1;
@@ -161,8 +191,8 @@ impl Bus {
 ///
 /// # Errors
 /// The frame holds values that no message may have.
-pub fn deliver(frame: &[u8]) -> Result<Message, DecodeError> {
-    decode(frame)
+pub fn deliver(frame: &Frame) -> Result<Message, &DecodeError> {
+    frame.read.as_ref().map(Message::clone)
 }
 
 /// Returns who hears what a sender says, in a swarm of these vehicles and a ground station: the vehicles first, in the order
@@ -229,6 +259,14 @@ mod tests {
     }
 
     #[test]
+    fn a_frame_is_read_once_for_all_and_names_its_sender() {
+        let (_, sent) = send_many(BusModel::default(), 1);
+        assert_eq!(sent.len(), 2);
+        assert!(Arc::ptr_eq(&sent[0].frame, &sent[1].frame));
+        assert_eq!(sent[0].frame.sender(), A);
+    }
+
+    #[test]
     fn shares_of_loss_and_doubles_are_kept() {
         let model = BusModel { drop_share: 0.2, duplicate_share: 0.1, ..BusModel::default() };
         let (bus, sent) = send_many(model, 10_000);
@@ -242,7 +280,7 @@ mod tests {
     #[test]
     fn messages_and_bytes_are_counted_by_node() {
         let (bus, sent) = send_many(BusModel::default(), 10);
-        let bytes: u64 = sent.iter().map(|delivery| delivery.frame.len() as u64).sum();
+        let bytes: u64 = sent.iter().map(|delivery| delivery.frame.bytes() as u64).sum();
         assert_eq!(bus.traffic()[&A].sent_messages, 10);
         assert_eq!(bus.traffic()[&A].sent_bytes * 2, bytes);
         assert_eq!(bus.traffic()[&B].delivered_bytes * 2, bytes);
