@@ -294,9 +294,9 @@ mod tests {
         let begin = |format: &str| {
             let path = Path::new("flight.mcap");
             let mut segment = Segment { path, only: None, is_known: false, actors: BTreeMap::new() };
-            let words =
-                [("format", format), ("software", VERSION)].map(|(name, word)| (name.into(), word.into()));
-            segment.metadata("tomoswarm", &words.into(), &mut Replayed::default())
+            let words = [("format", format), ("software", VERSION)];
+            let words = words.map(|(name, word)| (name.to_owned(), word.to_owned()));
+            segment.metadata("tomoswarm", &BTreeMap::from(words), &mut Replayed::default())
         };
         assert_eq!(begin(FORMAT), Ok(()));
         let reason = begin("1").unwrap_err();
