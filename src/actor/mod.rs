@@ -12,13 +12,13 @@
 //! Contract, kept by every runtime: `out` is drained, then `deadline` is asked again; `now` never goes
 //! back; a due deadline goes before the inbox; after `wake(now)` the deadline is later than `now`.
 
+mod actor_cell;
 mod inbox;
-mod seat;
 mod snapshot;
 mod step;
 
+pub use actor_cell::ActorCell;
 pub use inbox::{Class, Inbox, Input};
-pub use seat::Seat;
 pub use snapshot::Snapshot;
 pub use step::{Cause, NOT_DUE, Step, again};
 

@@ -5,18 +5,18 @@ use tomoswarm_proto::codec::EncodeError;
 use super::Acted;
 use super::imager::Imager;
 use super::planner::Planner;
-use super::route::{Effect, Event, Said, To, route};
+use super::route::{Destination, Effect, Event, Output, route};
 use super::station::Station;
-use crate::actor::{Fault, Seat, Snapshot};
+use crate::actor::{ActorCell, Fault, Snapshot};
 use crate::time::{Deadline, Time};
 
 /// The ground station's actors, wired.
 #[derive(Debug)]
 pub struct GroundNode {
-    station: Seat<Station>,
-    planner: Seat<Planner>,
-    imager: Seat<Imager>,
-    routed: Vec<To>,
+    station: ActorCell<Station>,
+    planner: ActorCell<Planner>,
+    imager: ActorCell<Imager>,
+    routed: Vec<Destination>,
     /// What the actors did and nobody has taken yet; `None` while nobody watches.
     acted: Option<Vec<Acted>>,
 }
@@ -25,9 +25,9 @@ impl GroundNode {
     /// Wires the actors of a ground station.
     pub fn new(station: Station, planner: Planner, imager: Imager) -> GroundNode {
         GroundNode {
-            station: Seat::new(station),
-            planner: Seat::new(planner),
-            imager: Seat::new(imager),
+            station: ActorCell::new(station),
+            planner: ActorCell::new(planner),
+            imager: ActorCell::new(imager),
             routed: Vec::new(),
             acted: None,
         }
@@ -43,7 +43,7 @@ impl GroundNode {
     /// # Errors
     /// An actor cannot go on.
     pub fn tell(&mut self, now: Time, event: Event, effects: &mut Vec<Effect>) -> Result<(), Fault> {
-        route(Said::Edge(event), &mut self.routed);
+        route(Output::Edge(event), &mut self.routed);
         self.settle(now, effects)
     }
 
@@ -91,10 +91,10 @@ impl GroundNode {
         while !self.routed.is_empty() {
             for to in std::mem::take(&mut self.routed) {
                 match to {
-                    To::Station(input) => self.station.push(input),
-                    To::Planner(input) => self.planner.push(input),
-                    To::Imager(input) => self.imager.push(input),
-                    To::Edge(effect) => effects.push(effect),
+                    Destination::Station(input) => self.station.push(input),
+                    Destination::Planner(input) => self.planner.push(input),
+                    Destination::Imager(input) => self.imager.push(input),
+                    Destination::Edge(effect) => effects.push(effect),
                 }
             }
             self.act(now)?;
@@ -105,13 +105,13 @@ impl GroundNode {
     fn act(&mut self, now: Time) -> Result<(), Fault> {
         let routed = &mut self.routed;
         self.station.act_watched(now, watcher(&mut self.acted, Acted::Station), |said| {
-            route(Said::Station(said), routed)
+            route(Output::Station(said), routed)
         })?;
         self.planner.act_watched(now, watcher(&mut self.acted, Acted::Planner), |said| {
-            route(Said::Planner(said), routed)
+            route(Output::Planner(said), routed)
         })?;
         self.imager.act_watched(now, watcher(&mut self.acted, Acted::Imager), |said| {
-            route(Said::Imager(said), routed)
+            route(Output::Imager(said), routed)
         })
     }
 }

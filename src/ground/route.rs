@@ -36,7 +36,7 @@ pub enum Effect {
 
 /// Whatever is said inside the ground station or at its edge.
 #[derive(Debug)]
-pub(crate) enum Said {
+pub(crate) enum Output {
     Edge(Event),
     Station(station::Out),
     Planner(planner::Answer),
@@ -45,7 +45,7 @@ pub(crate) enum Said {
 
 /// Where it goes.
 #[derive(Debug)]
-pub(crate) enum To {
+pub(crate) enum Destination {
     Station(station::In),
     Planner(planner::Request),
     Imager(imager::Job),
@@ -53,20 +53,20 @@ pub(crate) enum To {
 }
 
 /// Says where something goes.
-pub(crate) fn route(said: Said, to: &mut Vec<To>) {
-    let next = match said {
-        Said::Edge(Event::Bus(message)) => To::Station(station::In::Bus(message)),
-        Said::Edge(Event::Operator(wish)) => To::Station(station::In::Wish(wish)),
-        Said::Station(station::Out::Publish(message)) => To::Edge(Effect::Publish(message)),
-        Said::Station(station::Out::Ask(request)) => To::Planner(request),
-        Said::Station(station::Out::Reconstruct(job)) => To::Imager(job),
-        Said::Station(station::Out::Note(note)) => To::Edge(Effect::Note(note)),
-        Said::Planner(answer) => To::Station(station::In::Planned(answer)),
-        Said::Station(station::Out::Remember(memory)) => To::Edge(Effect::Remember(memory)),
-        Said::Imager(picture) => {
+pub(crate) fn route(output: Output, to: &mut Vec<Destination>) {
+    let next = match output {
+        Output::Edge(Event::Bus(message)) => Destination::Station(station::In::Bus(message)),
+        Output::Edge(Event::Operator(wish)) => Destination::Station(station::In::Wish(wish)),
+        Output::Station(station::Out::Publish(message)) => Destination::Edge(Effect::Publish(message)),
+        Output::Station(station::Out::Ask(request)) => Destination::Planner(request),
+        Output::Station(station::Out::Reconstruct(job)) => Destination::Imager(job),
+        Output::Station(station::Out::Note(note)) => Destination::Edge(Effect::Note(note)),
+        Output::Planner(answer) => Destination::Station(station::In::Planned(answer)),
+        Output::Station(station::Out::Remember(memory)) => Destination::Edge(Effect::Remember(memory)),
+        Output::Imager(picture) => {
             let made = station::In::Pictured(station::PictureName::of(&picture));
-            to.push(To::Edge(Effect::Picture(picture)));
-            To::Station(made)
+            to.push(Destination::Edge(Effect::Picture(picture)));
+            Destination::Station(made)
         }
     };
     to.push(next);

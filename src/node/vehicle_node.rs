@@ -10,11 +10,11 @@ use super::map::Map;
 use super::mission::Mission;
 use super::outbox::Outbox;
 use super::radio::Radio;
-use super::route::{Effect, Event, Said, To, route};
+use super::route::{Destination, Effect, Event, Output, route};
 use super::sensor::Sensor;
 use super::vehicle::Vehicle;
 use super::{Acted, Settings};
-use crate::actor::{Fault, Seat, Snapshot};
+use crate::actor::{ActorCell, Fault, Snapshot};
 use crate::map::Merged;
 use crate::time::{Deadline, Time};
 
@@ -23,15 +23,15 @@ use crate::time::{Deadline, Time};
 pub struct VehicleNode {
     id: VehicleId,
     boot: Boot,
-    vehicle: Seat<Vehicle>,
-    sensor: Seat<Sensor>,
-    map: Seat<Map>,
-    mission: Seat<Mission>,
-    radio: Seat<Radio>,
-    outbox: Seat<Outbox>,
+    vehicle: ActorCell<Vehicle>,
+    sensor: ActorCell<Sensor>,
+    map: ActorCell<Map>,
+    mission: ActorCell<Mission>,
+    radio: ActorCell<Radio>,
+    outbox: ActorCell<Outbox>,
     /// What earlier starts have measured, for [`VehicleNode::samples_made`].
     radios: Vec<Radio>,
-    routed: Vec<To>,
+    routed: Vec<Destination>,
     /// What the actors did and nobody has taken yet; `None` while nobody watches.
     acted: Option<Vec<Acted>>,
 }
@@ -43,12 +43,12 @@ impl VehicleNode {
         VehicleNode {
             id: settings.vehicle,
             boot: settings.boot,
-            vehicle: Seat::new(Vehicle::new(settings.clone())),
-            sensor: Seat::new(sensor),
-            map: Seat::new(Map::new(settings.clone())),
-            mission: Seat::new(Mission::new(settings.clone())),
-            radio: Seat::new(Radio::new(settings.clone())),
-            outbox: Seat::new(Outbox::new(settings.vehicle)),
+            vehicle: ActorCell::new(Vehicle::new(settings.clone())),
+            sensor: ActorCell::new(sensor),
+            map: ActorCell::new(Map::new(settings.clone())),
+            mission: ActorCell::new(Mission::new(settings.clone())),
+            radio: ActorCell::new(Radio::new(settings.clone())),
+            outbox: ActorCell::new(Outbox::new(settings.vehicle)),
             radios: Vec::new(),
             routed: Vec::new(),
             acted: None,
@@ -103,7 +103,7 @@ impl VehicleNode {
     /// # Errors
     /// An actor cannot go on.
     pub fn tell(&mut self, now: Time, event: Event, effects: &mut Vec<Effect>) -> Result<(), Fault> {
-        route(Said::Edge(event), &mut self.routed);
+        route(Output::Edge(event), &mut self.routed);
         self.settle(now, effects)
     }
 
@@ -168,15 +168,15 @@ impl VehicleNode {
         Ok(())
     }
 
-    fn deliver(&mut self, to: To, effects: &mut Vec<Effect>) {
+    fn deliver(&mut self, to: Destination, effects: &mut Vec<Effect>) {
         match to {
-            To::Vehicle(input) => self.vehicle.push(input),
-            To::Sensor(input) => self.sensor.push(input),
-            To::Map(input) => self.map.push(input),
-            To::Mission(input) => self.mission.push(input),
-            To::Radio(input) => self.radio.push(input),
-            To::Outbox(input) => self.outbox.push(input),
-            To::Edge(effect) => effects.push(effect),
+            Destination::Vehicle(input) => self.vehicle.push(input),
+            Destination::Sensor(input) => self.sensor.push(input),
+            Destination::Map(input) => self.map.push(input),
+            Destination::Mission(input) => self.mission.push(input),
+            Destination::Radio(input) => self.radio.push(input),
+            Destination::Outbox(input) => self.outbox.push(input),
+            Destination::Edge(effect) => effects.push(effect),
         }
     }
 
@@ -184,21 +184,22 @@ impl VehicleNode {
     fn act(&mut self, now: Time) -> Result<(), Fault> {
         let routed = &mut self.routed;
         self.vehicle.act_watched(now, watcher(&mut self.acted, Acted::Vehicle), |said| {
-            route(Said::Vehicle(said), routed)
+            route(Output::Vehicle(said), routed)
         })?;
         self.sensor.act_watched(now, watcher(&mut self.acted, Acted::Sensor), |said| {
-            route(Said::Sensor(said), routed)
+            route(Output::Sensor(said), routed)
         })?;
-        self.map
-            .act_watched(now, watcher(&mut self.acted, Acted::Map), |said| route(Said::Map(said), routed))?;
+        self.map.act_watched(now, watcher(&mut self.acted, Acted::Map), |said| {
+            route(Output::Map(said), routed)
+        })?;
         self.mission.act_watched(now, watcher(&mut self.acted, Acted::Mission), |said| {
-            route(Said::Mission(said), routed)
+            route(Output::Mission(said), routed)
         })?;
         self.radio.act_watched(now, watcher(&mut self.acted, Acted::Radio), |said| {
-            route(Said::Radio(said), routed)
+            route(Output::Radio(said), routed)
         })?;
         self.outbox.act_watched(now, watcher(&mut self.acted, Acted::Outbox), |said| {
-            route(Said::Outbox(said), routed)
+            route(Output::Outbox(said), routed)
         })
     }
 }

@@ -24,8 +24,8 @@ use zenoh::sample::Locality;
 
 use super::allowance::Allowance;
 use super::clock::Clock;
-use super::desk::{Troubles, lock};
 use super::egress::{Class, Egress, Parcel};
+use super::mailbox::{Troubles, lock};
 use super::subjects::heard_by;
 use super::trust::AccessRule;
 use crate::time::Time;

@@ -5,47 +5,51 @@ use std::sync::Arc;
 use std::thread::JoinHandle;
 use std::time::Duration;
 
-use super::desk::{Desk, Office, Post, Record, seat};
+use super::mailbox::{Mailbox, Record, RestartPolicy, RuntimeContext, seat};
 use crate::actor::Fault;
 use crate::ground::Acted;
 use crate::ground::imager::{Imager, Job};
 use crate::ground::planner::{Planner, Request};
-use crate::ground::route::{Effect, Event, Said, To, route};
+use crate::ground::route::{Destination, Effect, Event, Output, route};
 use crate::ground::station::{self, Station};
 use crate::store::recording::{Deed, Recorder};
 use crate::time::Time;
 
 /// The inboxes of the ground station's actors.
 #[derive(Clone)]
-pub struct Desks {
-    station: Desk<station::In>,
-    planner: Desk<Request>,
-    imager: Desk<Job>,
+pub struct Mailboxes {
+    station: Mailbox<station::In>,
+    planner: Mailbox<Request>,
+    imager: Mailbox<Job>,
 }
 
-impl Default for Desks {
-    fn default() -> Desks {
-        Desks { station: Desk::new("station"), planner: Desk::new("planner"), imager: Desk::new("imager") }
+impl Default for Mailboxes {
+    fn default() -> Mailboxes {
+        Mailboxes {
+            station: Mailbox::new("station"),
+            planner: Mailbox::new("planner"),
+            imager: Mailbox::new("imager"),
+        }
     }
 }
 
-impl Desks {
+impl Mailboxes {
     /// Tells the station something from outside; never waits.
     pub fn tell(&self, event: Event) {
         // What comes from outside concerns actors only.
-        self.pass(Said::Edge(event), &mut |_| {});
+        self.pass(Output::Edge(event), &mut |_| {});
     }
 
     /// Hands on what was said; what concerns the edge goes to `carry_out`.
-    pub(crate) fn pass(&self, said: Said, carry_out: &mut dyn FnMut(Effect)) {
+    pub(crate) fn pass(&self, said: Output, carry_out: &mut dyn FnMut(Effect)) {
         let mut routed = Vec::new();
         route(said, &mut routed);
         for to in routed {
             match to {
-                To::Station(input) => self.station.tell(input),
-                To::Planner(input) => self.planner.tell(input),
-                To::Imager(input) => self.imager.tell(input),
-                To::Edge(effect) => carry_out(effect),
+                Destination::Station(input) => self.station.tell(input),
+                Destination::Planner(input) => self.planner.tell(input),
+                Destination::Imager(input) => self.imager.tell(input),
+                Destination::Edge(effect) => carry_out(effect),
             }
         }
     }
@@ -85,9 +89,9 @@ pub struct Makers {
 ///
 /// # Errors
 /// The machine has no threads to give.
-pub fn seat_all(
-    office: &Office,
-    desks: &Desks,
+pub fn start_actors(
+    context: &RuntimeContext,
+    mailboxes: &Mailboxes,
     makers: Makers,
     recorder: Option<&Recorder>,
     carry_out: impl Fn(Effect) + Send + Sync + 'static,
@@ -98,22 +102,43 @@ pub fn seat_all(
     let of_planner = Record::by(recorder, |step| Deed::Ground(Acted::Planner(step)));
     let of_imager = Record::by(recorder, |step| Deed::Ground(Acted::Imager(step)));
     Ok(vec![
-        seat(office, &desks.station, Post::Vital, of_station, station, voice(desks, &edge, Said::Station))?,
-        seat(office, &desks.planner, Post::Leaf, of_planner, planner, voice(desks, &edge, Said::Planner))?,
-        seat(office, &desks.imager, Post::Leaf, of_imager, imager, voice(desks, &edge, Said::Imager))?,
+        seat(
+            context,
+            &mailboxes.station,
+            RestartPolicy::StopNode,
+            of_station,
+            station,
+            output_sink(mailboxes, &edge, Output::Station),
+        )?,
+        seat(
+            context,
+            &mailboxes.planner,
+            RestartPolicy::Restart,
+            of_planner,
+            planner,
+            output_sink(mailboxes, &edge, Output::Planner),
+        )?,
+        seat(
+            context,
+            &mailboxes.imager,
+            RestartPolicy::Restart,
+            of_imager,
+            imager,
+            output_sink(mailboxes, &edge, Output::Imager),
+        )?,
     ])
 }
 
 /// Gives what hands on the words of one actor.
-fn voice<T, E>(
-    desks: &Desks,
+fn output_sink<T, E>(
+    mailboxes: &Mailboxes,
     edge: &Arc<E>,
-    wrap: fn(T) -> Said,
+    wrap: fn(T) -> Output,
 ) -> impl FnMut(T) + Send + 'static + use<T, E>
 where
     T: 'static,
     E: Fn(Effect) + Send + Sync + 'static,
 {
-    let (desks, edge) = (desks.clone(), edge.clone());
-    move |out| desks.pass(wrap(out), &mut |effect| edge(effect))
+    let (mailboxes, edge) = (mailboxes.clone(), edge.clone());
+    move |out| mailboxes.pass(wrap(out), &mut |effect| edge(effect))
 }

@@ -19,9 +19,9 @@ use tomoswarm_proto::{Boot, Message, Report, RunId, Sender, VehicleId, codec};
 use self::archive::Archive;
 use self::keeper::{Wanted, keeper};
 use super::bus::{BusError, Mouth};
-use super::desk::{Troubles, lock};
-use super::ground::{Desks, Makers, seat_all};
+use super::ground::{Mailboxes, Makers, start_actors};
 use super::herald::Herald;
+use super::mailbox::{Troubles, lock};
 use super::membership::{self, NoChance};
 use super::process::{Finish, Process};
 use super::state_dir::{StateDir, StateDirError};
@@ -100,11 +100,11 @@ pub fn run(
     let hello = membership::greeting(Sender::Ground, state_dir.boot(), &file.venue, &["plans", "images"])?;
     let access = membership::access(Sender::Ground, &file.venue, &file.bus, Some(&state_dir))?;
     let bus = membership::bus_settings(Sender::Ground, &file.venue, &file.bus, access);
-    let desks = Desks::default();
+    let mailboxes = Mailboxes::default();
     let (to_store, wanted) = sync_channel(QUEUE);
-    let ear = Ear { desks: desks.clone(), store: to_store.clone(), expected: expected(file) };
+    let ear = Ear { mailboxes: mailboxes.clone(), store: to_store.clone(), expected: expected(file) };
     let mut herald = process.join(bus, hello, move |sender, message| ear.take(sender, message))?;
-    let troubles = process.office().troubles.clone();
+    let troubles = process.context().troubles.clone();
     let edge = Arc::new(Edge {
         mouth: herald.mouth(),
         archive: Arc::new(Archive::new(store, troubles.clone())),
@@ -112,20 +112,20 @@ pub fn run(
         compare_with: file.compare_with,
         report: Mutex::default(),
     });
-    let told = desks.clone();
+    let told = mailboxes.clone();
     let keeper = keeper(edge.archive.clone(), wanted, move |message| told.tell(Event::Bus(message)))?;
     let lattice = crate::geom::Lattice::new(file.venue.cell_m);
     let recorder = recorder(file.record, &state_dir, "ground", text, lattice);
     let of_actors = edge.clone();
     let carry_out = move |effect| of_actors.carry_out(effect);
-    let threads = seat_all(process.office(), &desks, makers, recorder.as_ref(), carry_out)?;
+    let threads = start_actors(process.context(), &mailboxes, makers, recorder.as_ref(), carry_out)?;
     let mut tick = |_: Time, _: &Herald, troubles: &Troubles| {
         watch_recorder(recorder.as_ref(), troubles);
         let report = lock(&edge.report).clone();
         status(&Status { report, links: edge.mouth.links(), troubles: troubles.list() });
     };
-    let finish = process.keep(&mut herald, is_stopped, &|now| desks.busy_for(now), &mut tick);
-    desks.close();
+    let finish = process.keep(&mut herald, is_stopped, &|now| mailboxes.busy_for(now), &mut tick);
+    mailboxes.close();
     herald.close();
     // Who panicked has said so already.
     threads.into_iter().for_each(|thread| drop(thread.join()));
@@ -199,7 +199,7 @@ fn resume(
 
 /// Takes what the bus delivers.
 struct Ear {
-    desks: Desks,
+    mailboxes: Mailboxes,
     store: SyncSender<Wanted>,
     expected: BTreeSet<VehicleId>,
 }
@@ -230,7 +230,7 @@ impl Ear {
             }
             Message::Tile(report) => {
                 drop(self.store.try_send(Wanted::Tile(report.clone())));
-                self.desks.tell(Event::Bus(Message::Tile(report)));
+                self.mailboxes.tell(Event::Bus(Message::Tile(report)));
             }
             Message::State(_)
             | Message::Digest(_)
@@ -241,7 +241,7 @@ impl Ear {
             | Message::Have(_)
             | Message::Beacon(_)
             | Message::Health(_)
-            | Message::Report(_) => self.desks.tell(Event::Bus(message)),
+            | Message::Report(_) => self.mailboxes.tell(Event::Bus(message)),
         }
     }
 }

@@ -6,8 +6,8 @@ use std::sync::{Arc, Mutex, OnceLock};
 use tomoswarm_proto::{Hello, Message, OrderKind, Sender};
 
 use super::bus::{Bus, BusError, BusSettings, Heard, Mouth, Reply};
-use super::desk::{Ending, Office, lock};
 use super::joining::{Joining, Verdict};
+use super::mailbox::{Ending, RuntimeContext, lock};
 use crate::time::Time;
 
 /// A node on the bus.
@@ -25,14 +25,14 @@ impl Herald {
     pub fn open(
         settings: BusSettings,
         own: Hello,
-        office: &Office,
+        context: &RuntimeContext,
         hear: impl Fn(Sender, Message) + Send + Sync + 'static,
     ) -> Result<Herald, BusError> {
-        let joining = Arc::new(Mutex::new(Joining::new(office.clock.now(), own)));
+        let joining = Arc::new(Mutex::new(Joining::new(context.clock.now(), own)));
         let answer: Arc<OnceLock<Reply>> = Arc::default();
         let (judged, answered, endings) =
-            (joining.clone(), answer.clone(), Mutex::new(office.endings.clone()));
-        let clock = office.clock;
+            (joining.clone(), answer.clone(), Mutex::new(context.endings.clone()));
+        let clock = context.clock;
         let ear = move |heard| match heard {
             Heard::Message(sender, message) => {
                 if stops_at_once(&message) || lock(&judged).listens_to(sender) {
@@ -59,7 +59,7 @@ impl Herald {
                 }
             }
         };
-        let bus = Bus::open(settings, office.clock, office.troubles.clone(), ear)?;
+        let bus = Bus::open(settings, context.clock, context.troubles.clone(), ear)?;
         // It is empty: only here it is ever filled.
         let _ = answer.set(bus.mouth().reply());
         Ok(Herald { bus, joining, is_speaking: false })

@@ -8,7 +8,7 @@
 pub mod allowance;
 pub mod bus;
 pub mod clock;
-pub mod desk;
+
 pub mod door;
 pub mod egress;
 pub mod ground;
@@ -17,6 +17,7 @@ pub mod herald;
 pub mod joining;
 pub mod link;
 pub mod live;
+pub mod mailbox;
 pub mod membership;
 pub mod process;
 pub mod restarts;

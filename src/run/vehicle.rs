@@ -3,7 +3,7 @@
 //!
 //! ```text
 //!   bus ─────┐                         ┌─ fly, steer, ping, transmit ─► drivers
-//!   drivers ─┼─ Event ─► desks (actors) ┼─ publish ─► bus
+//!   drivers ─┼─ Event ─► mailboxes (actors) ┼─ publish ─► bus
 //!   disk ────┘            ▲    │ route  ├─ keep, forget, recall ─► disk
 //!                         └────┘        └─ note ─► log
 //! ```
@@ -14,12 +14,12 @@ use std::sync::Arc;
 use std::thread::JoinHandle;
 use std::time::Duration;
 
-use super::desk::{Desk, Office, Post, Record, seat};
+use super::mailbox::{Mailbox, Record, RestartPolicy, RuntimeContext, seat};
 use crate::node::map::{self, Map};
 use crate::node::mission::{self, Mission};
 use crate::node::outbox::{self, Outbox};
 use crate::node::radio::{self, Radio};
-use crate::node::route::{Effect, Event, Said, To, route};
+use crate::node::route::{Destination, Effect, Event, Output, route};
 use crate::node::sensor::{self, Sensor};
 use crate::node::vehicle::{self, Vehicle};
 use crate::node::{Acted, Settings};
@@ -28,48 +28,48 @@ use crate::time::Time;
 
 /// The inboxes of a vehicle's actors.
 #[derive(Clone)]
-pub struct Desks {
-    vehicle: Desk<vehicle::In>,
-    sensor: Desk<sensor::In>,
-    map: Desk<map::In>,
-    mission: Desk<mission::In>,
-    radio: Desk<radio::In>,
-    outbox: Desk<outbox::In>,
+pub struct Mailboxes {
+    vehicle: Mailbox<vehicle::In>,
+    sensor: Mailbox<sensor::In>,
+    map: Mailbox<map::In>,
+    mission: Mailbox<mission::In>,
+    radio: Mailbox<radio::In>,
+    outbox: Mailbox<outbox::In>,
 }
 
-impl Default for Desks {
-    fn default() -> Desks {
-        Desks {
-            vehicle: Desk::new("vehicle"),
-            sensor: Desk::new("sensor"),
-            map: Desk::shared("map"),
-            mission: Desk::new("mission"),
-            radio: Desk::new("radio"),
-            outbox: Desk::new("outbox"),
+impl Default for Mailboxes {
+    fn default() -> Mailboxes {
+        Mailboxes {
+            vehicle: Mailbox::new("vehicle"),
+            sensor: Mailbox::new("sensor"),
+            map: Mailbox::shared("map"),
+            mission: Mailbox::new("mission"),
+            radio: Mailbox::new("radio"),
+            outbox: Mailbox::new("outbox"),
         }
     }
 }
 
-impl Desks {
+impl Mailboxes {
     /// Tells the vehicle something from outside; never waits.
     pub fn tell(&self, event: Event) {
         // What comes from outside concerns actors only.
-        self.pass(Said::Edge(event), &mut |_| {});
+        self.pass(Output::Edge(event), &mut |_| {});
     }
 
     /// Hands on what was said; what concerns the edge goes to `carry_out`.
-    pub(crate) fn pass(&self, said: Said, carry_out: &mut dyn FnMut(Effect)) {
+    pub(crate) fn pass(&self, said: Output, carry_out: &mut dyn FnMut(Effect)) {
         let mut routed = Vec::new();
         route(said, &mut routed);
         for to in routed {
             match to {
-                To::Vehicle(input) => self.vehicle.tell(input),
-                To::Sensor(input) => self.sensor.tell(input),
-                To::Map(input) => self.map.tell(input),
-                To::Mission(input) => self.mission.tell(input),
-                To::Radio(input) => self.radio.tell(input),
-                To::Outbox(input) => self.outbox.tell(input),
-                To::Edge(effect) => carry_out(effect),
+                Destination::Vehicle(input) => self.vehicle.tell(input),
+                Destination::Sensor(input) => self.sensor.tell(input),
+                Destination::Map(input) => self.map.tell(input),
+                Destination::Mission(input) => self.mission.tell(input),
+                Destination::Radio(input) => self.radio.tell(input),
+                Destination::Outbox(input) => self.outbox.tell(input),
+                Destination::Edge(effect) => carry_out(effect),
             }
         }
     }
@@ -121,9 +121,9 @@ impl Desks {
 ///
 /// # Errors
 /// The machine has no threads to give.
-pub fn seat_all(
-    office: &Office,
-    desks: &Desks,
+pub fn start_actors(
+    context: &RuntimeContext,
+    mailboxes: &Mailboxes,
     settings: &Settings,
     recorder: Option<&Recorder>,
     carry_out: impl Fn(Effect) + Send + Sync + 'static,
@@ -146,14 +146,55 @@ pub fn seat_all(
         Record::by(recorder, |step| Deed::Vehicle(Acted::Outbox(step))),
     );
     let others = vec![
-        seat(office, &desks.vehicle, Post::Vital, of_vehicle, vehicle, voice(desks, &edge, Said::Vehicle))?,
-        seat(office, &desks.sensor, Post::Leaf, of_sensor, sensor, voice(desks, &edge, Said::Sensor))?,
-        seat(office, &desks.map, Post::Vital, of_map, map, voice(desks, &edge, Said::Map))?,
-        seat(office, &desks.radio, Post::Vital, of_radio, radio, voice(desks, &edge, Said::Radio))?,
-        seat(office, &desks.outbox, Post::Vital, of_outbox, outbox, voice(desks, &edge, Said::Outbox))?,
+        seat(
+            context,
+            &mailboxes.vehicle,
+            RestartPolicy::StopNode,
+            of_vehicle,
+            vehicle,
+            output_sink(mailboxes, &edge, Output::Vehicle),
+        )?,
+        seat(
+            context,
+            &mailboxes.sensor,
+            RestartPolicy::Restart,
+            of_sensor,
+            sensor,
+            output_sink(mailboxes, &edge, Output::Sensor),
+        )?,
+        seat(
+            context,
+            &mailboxes.map,
+            RestartPolicy::StopNode,
+            of_map,
+            map,
+            output_sink(mailboxes, &edge, Output::Map),
+        )?,
+        seat(
+            context,
+            &mailboxes.radio,
+            RestartPolicy::StopNode,
+            of_radio,
+            radio,
+            output_sink(mailboxes, &edge, Output::Radio),
+        )?,
+        seat(
+            context,
+            &mailboxes.outbox,
+            RestartPolicy::StopNode,
+            of_outbox,
+            outbox,
+            output_sink(mailboxes, &edge, Output::Outbox),
+        )?,
     ];
-    let mission =
-        seat(office, &desks.mission, Post::Vital, of_mission, mission, voice(desks, &edge, Said::Mission))?;
+    let mission = seat(
+        context,
+        &mailboxes.mission,
+        RestartPolicy::StopNode,
+        of_mission,
+        mission,
+        output_sink(mailboxes, &edge, Output::Mission),
+    )?;
     Ok(Threads { mission, others })
 }
 
@@ -179,15 +220,15 @@ impl Threads {
 }
 
 /// Gives what hands on the words of one actor.
-fn voice<T, E>(
-    desks: &Desks,
+fn output_sink<T, E>(
+    mailboxes: &Mailboxes,
     edge: &Arc<E>,
-    wrap: fn(T) -> Said,
+    wrap: fn(T) -> Output,
 ) -> impl FnMut(T) + Send + 'static + use<T, E>
 where
     T: 'static,
     E: Fn(Effect) + Send + Sync + 'static,
 {
-    let (desks, edge) = (desks.clone(), edge.clone());
-    move |out| desks.pass(wrap(out), &mut |effect| edge(effect))
+    let (mailboxes, edge) = (mailboxes.clone(), edge.clone());
+    move |out| mailboxes.pass(wrap(out), &mut |effect| edge(effect))
 }

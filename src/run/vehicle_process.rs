@@ -13,14 +13,14 @@ use tomoswarm_proto::{Health, Message, Mode, Sender, State, VehicleId};
 
 use super::bus::{BusError, Mouth};
 use super::clock::Clock;
-use super::desk::{Troubles, lock};
 use super::herald::Herald;
 use super::link::{LinkSettings, LinkState, WorldLink};
+use super::mailbox::{Troubles, lock};
 use super::membership::{self, NoChance};
 use super::process::{Finish, Process};
 use super::state_dir::{StateDir, StateDirError};
 use super::trust::TrustError;
-use super::vehicle::{Desks, Threads, seat_all};
+use super::vehicle::{Mailboxes, Threads, start_actors};
 use crate::config::{Record, VehicleFile};
 use crate::geom::Lattice;
 use crate::node::outbox::Tally;
@@ -118,7 +118,7 @@ struct Edge {
     world: WorldLink,
     outbox: OutboxDriver,
     last: Arc<Mutex<Last>>,
-    desks: Desks,
+    mailboxes: Mailboxes,
     clock: Clock,
 }
 
@@ -167,8 +167,8 @@ pub fn run(
     let settings = Settings::from_vehicle_file(file, state_dir.boot());
     let node = Sender::Vehicle(file.id);
     let hello = membership::greeting(node, state_dir.boot(), &file.venue, &["range", "radio"])?;
-    let desks = Desks::default();
-    let told = desks.clone();
+    let mailboxes = Mailboxes::default();
+    let told = mailboxes.clone();
     let access = membership::access(node, &file.venue, &file.bus, Some(&state_dir))?;
     let bus = membership::bus_settings(node, &file.venue, &file.bus, access);
     let mut herald = process.join(bus, hello, move |_, message| told.tell(Event::Bus(message)))?;
@@ -178,14 +178,15 @@ pub fn run(
         return Ok(finish);
     }
     let last = Arc::new(Mutex::<Last>::default());
-    let world = link(file, &state_dir, desks.clone(), last.clone())?;
-    let outbox = outbox(file, &state_dir, desks.clone())?;
-    let clock = process.office().clock;
-    let edge = Arc::new(Edge { mouth: herald.mouth(), world, outbox, last, desks: desks.clone(), clock });
+    let world = link(file, &state_dir, mailboxes.clone(), last.clone())?;
+    let outbox = outbox(file, &state_dir, mailboxes.clone())?;
+    let clock = process.context().clock;
+    let edge =
+        Arc::new(Edge { mouth: herald.mouth(), world, outbox, last, mailboxes: mailboxes.clone(), clock });
     let of_actors = edge.clone();
     let recorder = recorder(file.record, &state_dir, &format!("vehicle/{}", file.id), text, settings.lattice);
     let carry_out = move |effect| of_actors.carry_out(effect);
-    let threads = seat_all(process.office(), &desks, &settings, recorder.as_ref(), carry_out)?;
+    let threads = start_actors(process.context(), &mailboxes, &settings, recorder.as_ref(), carry_out)?;
     let mut said_at = Time::ZERO;
     let mut tick = |now: Time, herald: &Herald, troubles: &Troubles| {
         edge.watch_world(troubles);
@@ -204,9 +205,9 @@ pub fn run(
             troubles: troubles.list(),
         });
     };
-    let finish = process.keep(&mut herald, is_stopped, &|now| desks.busy_for(now), &mut tick);
+    let finish = process.keep(&mut herald, is_stopped, &|now| mailboxes.busy_for(now), &mut tick);
     edge.come_to_rest(&threads);
-    desks.close();
+    mailboxes.close();
     threads.join();
     edge.stop();
     // Nobody else holds them: what is not on disk yet is written now.
@@ -245,20 +246,20 @@ pub(super) fn watch_recorder(recorder: Option<&Recorder>, troubles: &Troubles) {
     }
 }
 
-fn outbox(file: &VehicleFile, state_dir: &StateDir, desks: Desks) -> std::io::Result<OutboxDriver> {
+fn outbox(file: &VehicleFile, state_dir: &StateDir, mailboxes: Mailboxes) -> std::io::Result<OutboxDriver> {
     let settings = OutboxSettings {
         path: state_dir.join("outbox.sqlite"),
         vehicle: file.id,
         boot: state_dir.boot(),
         most_bytes: OUTBOX_BYTES,
     };
-    OutboxDriver::start(settings, move |event| desks.tell(event))
+    OutboxDriver::start(settings, move |event| mailboxes.tell(event))
 }
 
 fn link(
     file: &VehicleFile,
     state_dir: &StateDir,
-    desks: Desks,
+    mailboxes: Mailboxes,
     last: Arc<Mutex<Last>>,
 ) -> std::io::Result<WorldLink> {
     let settings = LinkSettings {
@@ -271,7 +272,7 @@ fn link(
         if matches!(event, Event::Echo(_)) {
             lock(&last).ping = None;
         }
-        desks.tell(event);
+        mailboxes.tell(event);
     })
 }
 
@@ -319,7 +320,7 @@ impl Edge {
             hears,
             samples_waiting: tally.waiting,
             samples_lost: tally.lost + self.outbox.health().overrun,
-            inputs_dropped: self.desks.dropped(),
+            inputs_dropped: self.mailboxes.dropped(),
             disk_free_mb: state_dir.free_mb(),
             troubles: short(troubles.list()),
         }
@@ -331,7 +332,7 @@ impl Edge {
 
     /// Brakes, until the vehicle stands and the mission has ended, or for long enough.
     fn come_to_rest(&self, threads: &Threads) {
-        self.desks.close_mission();
+        self.mailboxes.close_mission();
         let begun = self.clock.now();
         let mut ended = None;
         loop {

@@ -123,7 +123,7 @@ pub struct Scribe {
 
 impl Scribe {
     /// Hands in the actor's snapshot when a segment has begun since the last time. To be called before every
-    /// [`crate::actor::Seat::act_watched`]; tells whether its steps are to be watched.
+    /// [`crate::actor::ActorCell::act_watched`]; tells whether its steps are to be watched.
     pub fn prepare<A: Serialize>(&mut self, now: Time, name: &'static str, actor: &A) -> bool {
         let newest = self.shared.segment.load(Ordering::Acquire);
         if newest == NONE || newest == self.broken {
