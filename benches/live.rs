@@ -12,6 +12,7 @@ use std::sync::mpsc::{Receiver, Sender as Channel, channel};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
+use tomoswarm::actor::RestartPolicy;
 use tomoswarm::config::{self, bundled};
 use tomoswarm::geom::{Angle, Cell, Lattice, Pose};
 use tomoswarm::map::CellRect;
@@ -22,7 +23,7 @@ use tomoswarm::node::vehicle::{self, Command, Fly, Motion, Telemetry, Vehicle};
 use tomoswarm::plan::{Grid, Rules, shortest_cells};
 use tomoswarm::run::bus::{Bus, BusSettings, Heard, Topology};
 use tomoswarm::run::clock::Clock;
-use tomoswarm::run::mailbox::{Ending, Mailbox, RestartPolicy, RuntimeContext, Troubles, seat};
+use tomoswarm::run::mailbox::{Ending, Mailbox, RuntimeContext, Troubles, start_actor};
 use tomoswarm_proto::{Boot, LayerId, Message, Sender, TileAddress, TileReport, VehicleId, codec};
 use zenoh::Wait;
 
@@ -113,7 +114,7 @@ fn tile_latency() {
             joined.send(Instant::now()).unwrap_or_default();
         }
     };
-    seat(&context, &mailbox, RestartPolicy::StopNode, None, move || Ok(Map::new(settings.clone())), say)
+    start_actor(&context, &mailbox, RestartPolicy::StopNode, None, move || Map::new(settings.clone()), say)
         .unwrap();
     let to_map = mailbox.clone();
     let _two = bus(2, &here, &[], move |heard| {
@@ -174,7 +175,7 @@ fn halt_latency() {
     };
     let home = settings.home;
     let made = settings.clone();
-    seat(&context, &mailbox, RestartPolicy::StopNode, None, move || Ok(Vehicle::new(made.clone())), say)
+    start_actor(&context, &mailbox, RestartPolicy::StopNode, None, move || Vehicle::new(made.clone()), say)
         .unwrap();
     let is_over = Arc::new(AtomicBool::new(false));
     let busy = keep_busy(&context, &settings, &is_over);
@@ -234,7 +235,7 @@ fn keep_busy(
     };
     let mailbox: Mailbox<map::In> = Mailbox::shared("map");
     let own = settings.clone();
-    seat(context, &mailbox, RestartPolicy::StopNode, None, move || Ok(Map::new(own.clone())), |_| {})
+    start_actor(context, &mailbox, RestartPolicy::StopNode, None, move || Map::new(own.clone()), |_| {})
         .unwrap();
     let over = is_over.clone();
     let merge = move || {

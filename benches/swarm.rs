@@ -23,6 +23,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
 use relay::Relay;
+use tomoswarm::actor::RestartPolicy;
 use tomoswarm::config::{self, bundled};
 use tomoswarm::geom::{Angle, Point, Pose};
 use tomoswarm::node::Settings;
@@ -30,7 +31,7 @@ use tomoswarm::node::map::{self, Map};
 use tomoswarm::node::sensor::Scan;
 use tomoswarm::run::bus::{Bus, BusSettings, Heard, Mouth, Topology};
 use tomoswarm::run::clock::Clock;
-use tomoswarm::run::mailbox::{Mailbox, RestartPolicy, RuntimeContext, Troubles, seat};
+use tomoswarm::run::mailbox::{Mailbox, RuntimeContext, Troubles, start_actor};
 use tomoswarm_proto::{
     Boot, LayerId, Lease, Message, Order, OrderKind, Revision, RunId, Sender, TileAddress, TileReport,
     VehicleId,
@@ -219,7 +220,7 @@ fn mapper(id: u8, listen: SocketAddr, connect: Vec<SocketAddr>) -> Mapper {
             held.extend(tiles.into_iter().map(|tile| (tile.address, tile.revision)));
         }
     };
-    seat(&context, &mailbox, RestartPolicy::StopNode, None, move || Ok(Map::new(settings.clone())), say)
+    start_actor(&context, &mailbox, RestartPolicy::StopNode, None, move || Map::new(settings.clone()), say)
         .unwrap();
     Mapper { mailbox, _bus: bus, held }
 }

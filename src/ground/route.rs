@@ -36,19 +36,27 @@ pub enum Effect {
 
 /// Whatever is said inside the ground station or at its edge.
 #[derive(Debug)]
-pub(crate) enum Output {
+pub enum Output {
+    /// From outside.
     Edge(Event),
+    /// By the station.
     Station(station::Out),
+    /// By the planner.
     Planner(planner::Answer),
+    /// By the imager.
     Imager(imager::Picture),
 }
 
 /// Where it goes.
 #[derive(Debug)]
-pub(crate) enum Destination {
+pub enum Destination {
+    /// To the station.
     Station(station::In),
+    /// To the planner.
     Planner(planner::Request),
+    /// To the imager.
     Imager(imager::Job),
+    /// To the outside.
     Edge(Effect),
 }
 

@@ -83,25 +83,39 @@ pub enum Note {
 
 /// Whatever is said inside a vehicle or at its edge.
 #[derive(Debug)]
-pub(crate) enum Output {
+pub enum Output {
+    /// From outside.
     Edge(Event),
+    /// By the vehicle actor.
     Vehicle(vehicle::Out),
+    /// By the sensor.
     Sensor(sensor::Out),
+    /// By the map.
     Map(map::Out),
+    /// By the mission.
     Mission(mission::Out),
+    /// By the radio.
     Radio(radio::Out),
+    /// By the outbox.
     Outbox(outbox::Out),
 }
 
 /// Where it goes.
 #[derive(Debug)]
-pub(crate) enum Destination {
+pub enum Destination {
+    /// To the vehicle actor.
     Vehicle(vehicle::In),
+    /// To the sensor.
     Sensor(sensor::In),
+    /// To the map.
     Map(map::In),
+    /// To the mission.
     Mission(mission::In),
+    /// To the radio.
     Radio(radio::In),
+    /// To the outbox.
     Outbox(outbox::In),
+    /// To the outside.
     Edge(Effect),
 }
 

@@ -1,14 +1,13 @@
 //! An actor's place in a live process: its inbox, which anyone may put inputs into without waiting, and the thread that
 //! lets it act.
 //!
-//! The thread sleeps until something is unread or the actor's deadline has come. At a *shared* mailbox whoever tells the actor
-//! something lets it act at once, on its own thread, when nobody else does: waking a thread takes longer than joining a
-//! tile. It keeps the actor contract by
-//! [`ActorCell`], as the simulator does. What the actor says goes to the closure that the process gives; nothing here knows who
-//! hears whom.
+//! The thread sleeps until something is unread or the actor's deadline has come. At a *shared* mailbox whoever tells the
+//! actor something lets it act at once, on its own thread, when nobody else does: waking a thread takes longer than joining
+//! a tile. It keeps the actor contract by [`ActorCell`], as the simulator does. What the actor says goes to a closure;
+//! nothing here knows who hears whom.
 //!
 //! ```text
-//!   tell ─► inbox ─► thread: seat.act(now) ─► say(out)
+//!   tell ─► inbox ─► thread: cell.act(now) ─► output
 //!                      │ fault or panic
 //!                      ├─ restart: a fresh actor after 1, 2, 4 s; then it stays down, and that is a trouble
 //!                      └─ stop node: the process is told to end in order
@@ -24,25 +23,14 @@ use std::time::Duration;
 
 use super::clock::Clock;
 use super::restarts::Restarts;
-use serde::Serialize;
-
-use crate::actor::{Actor, ActorCell, Fault, Inbox, Input, Step};
-use crate::store::recording::{Deed, Recorder, Scribe};
+use crate::actor::{Actor, ActorCell, ActorStep, Fault, Inbox, Input, NodeActor, RestartPolicy};
+use crate::store::recording::Scribe;
 use crate::time::Time;
 
 /// Inputs of the queue class that may wait.
 const INBOX: usize = 256;
 /// A thread that has nothing to do looks up this often all the same.
 const IDLE: Duration = Duration::from_secs(5);
-
-/// What happens when an actor fails.
-#[derive(Clone, Copy, PartialEq, Eq, Debug)]
-pub enum RestartPolicy {
-    /// It begins anew; others go on meanwhile.
-    Restart,
-    /// The process ends in order, and is started anew from outside.
-    StopNode,
-}
 
 /// What is wrong in a process, by who says it; shown to the operator.
 #[derive(Clone, Debug, Default)]
@@ -107,7 +95,7 @@ impl<I: Input> Clone for Mailbox<I> {
 }
 
 impl<I: Input> Mailbox<I> {
-    /// Sets up a mailbox at which nobody sits yet; its actor acts on a thread of its own.
+    /// Sets up a mailbox that nobody reads yet; its actor acts on a thread of its own.
     pub fn new(name: &'static str) -> Mailbox<I> {
         Mailbox::set_up(name, false)
     }
@@ -146,7 +134,7 @@ impl<I: Input> Mailbox<I> {
         lock(&self.unread.state).inbox.dropped()
     }
 
-    /// Sends the actor home: its thread ends after what it does now.
+    /// Ends the actor: its thread ends after what it does now.
     pub fn close(&self) {
         lock(&self.unread.state).is_closed = true;
         *self.unread.help.write().unwrap_or_else(PoisonError::into_inner) = None;
@@ -231,42 +219,25 @@ pub enum Ending {
     Refused(String),
 }
 
-/// How the steps of an actor are written down.
-pub struct Record<A: Actor> {
-    /// Who writes them.
-    pub scribe: Scribe,
-    /// Names whose steps they are.
-    pub deed: fn(Step<A::In, A::Out>) -> Deed,
-}
-
-impl<A: Actor> Record<A> {
-    /// Has the steps written down by a recorder, if there is one.
-    pub fn by(recorder: Option<&Recorder>, deed: fn(Step<A::In, A::Out>) -> Deed) -> Option<Record<A>> {
-        recorder.map(|recorder| Record { scribe: recorder.scribe(), deed })
-    }
-}
-
-/// Seats an actor at a mailbox, on a thread of its own. `make` gives a fresh actor at the start and after a fault;
-/// `say` takes what it says; `record` writes down what it does.
+/// Starts an actor behind a mailbox, on a thread of its own. `make` makes it at the start and again after a fault;
+/// `output` takes what it says; what it does is written down where there is a scribe.
 ///
 /// # Errors
 /// The machine has no thread to give.
-pub fn seat<A, M, S>(
+pub fn start_actor<A, M, S>(
     context: &RuntimeContext,
     mailbox: &Mailbox<A::In>,
     policy: RestartPolicy,
-    record: Option<Record<A>>,
+    scribe: Option<Scribe>,
     make: M,
-    say: S,
+    output: S,
 ) -> std::io::Result<JoinHandle<()>>
 where
-    A: Actor + Serialize + Send + 'static,
-    A::In: Input + Clone + Send + 'static,
-    A::Out: Clone + Send + 'static,
-    M: FnMut() -> Result<A, Fault> + Send + 'static,
+    A: NodeActor,
+    M: FnMut() -> A + Send + 'static,
     S: FnMut(A::Out) + Send + 'static,
 {
-    let at_work = Mutex::new(Work { seat: None, record, say });
+    let at_work = Mutex::new(Work { cell: None, scribe, output });
     let worker = Arc::new(Worker { context: context.clone(), mailbox: mailbox.clone(), at_work });
     if mailbox.unread.is_shared {
         let shared = worker.clone();
@@ -291,16 +262,14 @@ where
     A::In: Input,
 {
     /// `None` = it cannot go on, or has not begun yet.
-    seat: Option<ActorCell<A>>,
-    record: Option<Record<A>>,
-    say: S,
+    cell: Option<ActorCell<A>>,
+    scribe: Option<Scribe>,
+    output: S,
 }
 
 impl<A, S> Worker<A, S>
 where
-    A: Actor + Serialize,
-    A::In: Input + Clone,
-    A::Out: Clone,
+    A: NodeActor,
     S: FnMut(A::Out),
 {
     /// Lets the actor act on the caller's thread, unless somebody else does so just now: who does looks again
@@ -308,7 +277,7 @@ where
     fn help(&self) {
         loop {
             let Ok(mut work) = self.at_work.try_lock() else { return };
-            if work.seat.is_none() {
+            if work.cell.is_none() {
                 return;
             }
             self.act(&mut work);
@@ -321,37 +290,34 @@ where
 
     /// Lets the actor act on all that is unread and due.
     fn act(&self, work: &mut Work<A, S>) {
-        let Work { seat: place, record, say } = work;
-        let Some(seat) = place else { return };
+        let Work { cell: place, scribe, output } = work;
+        let Some(cell) = place else { return };
         let (now, inputs) = (self.context.clock.now(), self.mailbox.take());
         self.mailbox.unread.busy_since.store(now.as_nanos() + 1, Ordering::Relaxed);
-        let acted = catch_unwind(AssertUnwindSafe(|| {
-            inputs.into_iter().for_each(|input| seat.push(input));
-            let mut watched = record.as_mut();
-            watched.take_if(|record| !record.scribe.prepare(now, self.mailbox.name, seat.actor()));
-            match watched {
-                Some(Record { scribe, deed }) => {
-                    seat.act_watched(now, Some(|step| scribe.step(deed(step))), &mut *say)
-                }
-                None => seat.act(now, &mut *say),
-            }
+        let ended = catch_unwind(AssertUnwindSafe(|| {
+            inputs.into_iter().for_each(|input| cell.push(input));
+            let name = self.mailbox.name;
+            let mut watched = scribe.as_mut();
+            watched.take_if(|scribe| !scribe.prepare(now, name, cell.actor()));
+            let watch = watched.map(|scribe| |step| scribe.step(ActorStep::new::<A>(name, step)));
+            cell.act_watched(now, watch, &mut *output)
         }));
         self.mailbox.unread.busy_since.store(0, Ordering::Relaxed);
-        let fault = match acted {
-            Ok(Ok(())) => return self.mailbox.set_deadline(seat.deadline().map(|deadline| deadline.at)),
+        let fault = match ended {
+            Ok(Ok(())) => return self.mailbox.set_deadline(cell.deadline().map(|deadline| deadline.at)),
             Ok(Err(fault)) => fault,
             Err(panic) => Fault { actor: self.mailbox.name, reason: words_of(panic.as_ref()) },
         };
         *place = None;
-        record.iter_mut().for_each(|record| record.scribe.restarted());
+        scribe.iter_mut().for_each(Scribe::restarted);
         self.mailbox.fail(fault);
     }
 
-    /// Seats an actor and lets it act until it cannot go on; `None` = it was sent home.
+    /// Lets an actor act until it cannot go on; `None` = its mailbox was closed.
     fn attend(&self, actor: A) -> Option<Fault> {
-        let seat = ActorCell::new(actor);
-        self.mailbox.set_deadline(seat.deadline().map(|deadline| deadline.at));
-        lock(&self.at_work).seat = Some(seat);
+        let cell = ActorCell::new(actor);
+        self.mailbox.set_deadline(cell.deadline().map(|deadline| deadline.at));
+        lock(&self.at_work).cell = Some(cell);
         loop {
             if !self.mailbox.wait(self.context.clock) {
                 return None;
@@ -368,21 +334,16 @@ where
 
 fn work<A, M, S>(worker: &Worker<A, S>, policy: RestartPolicy, mut make: M)
 where
-    A: Actor + Serialize,
-    A::In: Input + Clone,
-    A::Out: Clone,
-    M: FnMut() -> Result<A, Fault>,
+    A: NodeActor,
+    M: FnMut() -> A,
     S: FnMut(A::Out),
 {
     let (context, mailbox) = (&worker.context, &worker.mailbox);
     let mut restarts = Restarts::default();
     loop {
-        let made = catch_unwind(AssertUnwindSafe(&mut make));
-        let made =
-            made.unwrap_or_else(|panic| Err(Fault { actor: mailbox.name, reason: words_of(panic.as_ref()) }));
-        let fault = match made {
+        let fault = match catch_unwind(AssertUnwindSafe(&mut make)) {
             Ok(actor) => worker.attend(actor),
-            Err(fault) => Some(fault),
+            Err(panic) => Some(Fault { actor: mailbox.name, reason: words_of(panic.as_ref()) }),
         };
         let Some(fault) = fault else { return };
         let wait = match policy {
@@ -420,16 +381,17 @@ mod tests {
     use super::*;
     use crate::actor::Class;
     use crate::time::Deadline;
+    use serde::{Deserialize, Serialize};
     use std::sync::mpsc::{Receiver, channel};
 
     /// Repeats what it is told; 13 makes it panic, 7 is a fault.
-    #[derive(Serialize)]
+    #[derive(Serialize, Deserialize)]
     struct Echo {
         wakes: u32,
         next: Time,
     }
 
-    #[derive(Clone)]
+    #[derive(Clone, Serialize, Deserialize)]
     struct Told(u32);
 
     impl Input for Told {
@@ -460,7 +422,7 @@ mod tests {
         }
     }
 
-    fn seated(
+    fn started(
         policy: RestartPolicy,
         wakes: u32,
     ) -> (Mailbox<Told>, Receiver<u32>, Receiver<Ending>, Troubles, JoinHandle<()>) {
@@ -468,9 +430,9 @@ mod tests {
         let (said, heard) = channel();
         let context = RuntimeContext { clock: Clock::start(), troubles: Troubles::default(), endings };
         let mailbox = Mailbox::new("echo");
-        let make = move || Ok(Echo { wakes, next: Time::ZERO });
-        let say = move |out| said.send(out).unwrap_or_default();
-        let thread = seat(&context, &mailbox, policy, None, make, say).unwrap();
+        let make = move || Echo { wakes, next: Time::ZERO };
+        let output = move |out| said.send(out).unwrap_or_default();
+        let thread = start_actor(&context, &mailbox, policy, None, make, output).unwrap();
         (mailbox, heard, failed, context.troubles.clone(), thread)
     }
 
@@ -478,7 +440,7 @@ mod tests {
 
     #[test]
     fn what_is_told_is_handled_and_deadlines_are_kept() {
-        let (mailbox, heard, _, _, thread) = seated(RestartPolicy::StopNode, 3);
+        let (mailbox, heard, _, _, thread) = started(RestartPolicy::StopNode, 3);
         mailbox.tell(Told(5));
         let all: Vec<u32> = (0..4).map(|_| heard.recv_timeout(SOON).unwrap()).collect();
         assert_eq!(all.iter().filter(|out| **out == 1000).count(), 3);
@@ -489,7 +451,7 @@ mod tests {
 
     #[test]
     fn a_leaf_that_panics_begins_anew_and_says_so() {
-        let (mailbox, heard, _, troubles, thread) = seated(RestartPolicy::Restart, 0);
+        let (mailbox, heard, _, troubles, thread) = started(RestartPolicy::Restart, 0);
         mailbox.tell(Told(13));
         assert!(heard.recv_timeout(Duration::from_millis(500)).is_err(), "it waits a second first");
         mailbox.tell(Told(3));
@@ -505,16 +467,9 @@ mod tests {
         let context = RuntimeContext { clock: Clock::start(), troubles: Troubles::default(), endings };
         let mailbox = Mailbox::shared("echo");
         let (said, heard) = channel();
-        let say = move |out| said.send((out, std::thread::current().id())).unwrap_or_default();
-        let thread = seat(
-            &context,
-            &mailbox,
-            RestartPolicy::StopNode,
-            None,
-            || Ok(Echo { wakes: 2, next: Time::ZERO }),
-            say,
-        )
-        .unwrap();
+        let output = move |out| said.send((out, std::thread::current().id())).unwrap_or_default();
+        let make = || Echo { wakes: 2, next: Time::ZERO };
+        let thread = start_actor(&context, &mailbox, RestartPolicy::StopNode, None, make, output).unwrap();
         // The two wakes are the thread's.
         let own: Vec<_> = (0..2).map(|_| heard.recv_timeout(SOON).unwrap()).collect();
         assert!(own.iter().all(|(out, by)| *out == 1000 && *by == thread.thread().id()));
@@ -537,7 +492,7 @@ mod tests {
 
     #[test]
     fn a_vital_actor_that_fails_ends_the_process() {
-        let (mailbox, _, failed, _, thread) = seated(RestartPolicy::StopNode, 0);
+        let (mailbox, _, failed, _, thread) = started(RestartPolicy::StopNode, 0);
         mailbox.tell(Told(7));
         let Ok(Ending::Fault(fault)) = failed.recv_timeout(SOON) else { panic!("no fault") };
         assert_eq!(fault.reason, "seven");
