@@ -114,9 +114,9 @@ impl<W: Wiring> LocalNode<W> {
 
     /// Lets every actor act, in the order of the list, and routes what they say.
     fn act(&mut self, now: Time) -> Result<(), Fault> {
-        let mut act = Act::<W> { now, routed: &mut self.routed, steps: self.steps.as_mut(), result: Ok(()) };
+        let mut act = Act::<W> { now, routed: &mut self.routed, steps: self.steps.as_mut(), fault: None };
         W::visit(&mut self.actors, &mut act);
-        act.result
+        act.fault.map_or(Ok(()), Err)
     }
 }
 
@@ -134,23 +134,28 @@ struct Act<'n, W: Wiring> {
     now: Time,
     routed: &'n mut Vec<W::Destination>,
     steps: Option<&'n mut Vec<ActorStep>>,
-    result: Result<(), Fault>,
+    fault: Option<Fault>,
 }
 
 impl<W: Wiring> Visitor<W, Cells> for Act<'_, W> {
+    #[inline]
     fn actor<A: NodeActor>(&mut self, wired: &mut Wired<A, W, ActorCell<A>>) {
-        if self.result.is_err() {
+        if self.fault.is_some() {
             return;
         }
         let Wired { wire: Wire { name, output, .. }, place: cell } = wired;
         let watch = self.steps.as_mut().map(|steps| |step| steps.push(ActorStep::new::<A>(name, step)));
-        self.result = cell.act_watched(self.now, watch, |out| W::route(output(out), self.routed));
+        let acted = cell.act_watched(self.now, watch, |out| W::route(output(out), self.routed));
+        if let Err(fault) = acted {
+            self.fault = Some(fault);
+        }
     }
 }
 
 struct Earliest(Option<Deadline>);
 
 impl<W: Wiring> Visitor<W, Cells> for Earliest {
+    #[inline]
     fn actor<A: NodeActor>(&mut self, wired: &mut Wired<A, W, ActorCell<A>>) {
         self.0 = Deadline::earlier(self.0, wired.place.deadline());
     }
