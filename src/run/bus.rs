@@ -16,8 +16,8 @@ use std::sync::{Arc, Condvar, Mutex, PoisonError, RwLock, Weak};
 use std::thread::JoinHandle;
 use std::time::Duration;
 
-use tomoswarm_proto::codec::{self, DecodeError, Greeting, LIMIT};
-use tomoswarm_proto::{Hello, Key, Message, Sender};
+use tomoswarm_proto::codec::{self, DecodeError, LIMIT};
+use tomoswarm_proto::{Key, Message, Sender};
 use zenoh::Wait;
 use zenoh::qos::{CongestionControl, Priority};
 use zenoh::sample::Locality;
@@ -29,6 +29,8 @@ use super::egress::{Class, Egress, Parcel};
 use super::subjects::heard_by;
 use super::trust::AccessRule;
 use crate::time::Time;
+
+pub use crate::operator::Heard;
 
 /// Between two tries to open a session.
 const RETRY: Duration = Duration::from_millis(300);
@@ -87,15 +89,6 @@ pub struct BusSettings {
     pub egress_bytes_per_s: u32,
     /// Whether the nodes of a mesh tell each other of further ones; otherwise only `connect` joins them.
     pub gossip: bool,
-}
-
-/// What came over the bus.
-#[derive(Clone, PartialEq, Debug)]
-pub enum Heard {
-    /// A message that its sender may say.
-    Message(Sender, Message),
-    /// A greeting, of whatever version; with the whole Hello when it is of this one.
-    Greeting(Greeting, Option<Hello>),
 }
 
 /// What the bus has carried and refused.
