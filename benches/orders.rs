@@ -4,6 +4,8 @@
 
 #[path = "../tests/orders/chance.rs"]
 mod chance;
+#[path = "../tests/orders/nodes.rs"]
+mod nodes;
 #[path = "../tests/orders/world.rs"]
 mod world;
 

@@ -3,6 +3,8 @@
 
 #[path = "orders/chance.rs"]
 mod chance;
+#[path = "orders/nodes.rs"]
+mod nodes;
 #[path = "orders/world.rs"]
 mod world;
 

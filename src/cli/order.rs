@@ -14,7 +14,7 @@ use super::stop::Stop;
 use crate::operator::fleet_view::Misfit;
 use crate::operator::names::{kind_name, ordered};
 use crate::operator::operator_actor::{In, Out};
-use crate::operator::ordering::{Outcome, VehicleOutcome};
+use crate::operator::outcome::{Outcome, VehicleOutcome};
 use crate::operator::want::Want;
 use crate::run::live_operator::LiveOperator;
 

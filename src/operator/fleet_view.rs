@@ -28,7 +28,7 @@ pub struct Fresh<T> {
 }
 
 impl<T> Fresh<T> {
-    /// Gives how long ago it came.
+    /// Returns how long ago it came.
     pub fn age(&self, now: Time) -> Duration {
         now.since(self.at)
     }
@@ -75,43 +75,43 @@ impl FleetView {
         }
     }
 
-    /// Gives what a vehicle has said; `None` when it was not heard.
+    /// Returns what a vehicle has said; `None` when it was not heard.
     pub fn vehicle(&self, id: VehicleId) -> Option<&VehicleView> {
         self.vehicles.get(&id)
     }
 
-    /// Gives a vehicle's newest state.
+    /// Returns a vehicle's newest state.
     pub fn state(&self, id: VehicleId) -> Option<&Fresh<State>> {
         self.vehicles.get(&id)?.state.as_ref()
     }
 
-    /// Gives all vehicles that said anything, ascending.
+    /// Returns all vehicles that said anything, ascending.
     pub fn vehicles(&self) -> impl Iterator<Item = (VehicleId, &VehicleView)> {
         self.vehicles.iter().map(|(id, seen)| (*id, seen))
     }
 
-    /// Gives the reports of all ground stations heard, by store.
+    /// Returns the reports of all ground stations heard, by store.
     pub fn grounds(&self) -> impl Iterator<Item = &Fresh<Report>> {
         self.grounds.values()
     }
 
-    /// Gives the report of the live ground station with the greatest lease.
+    /// Returns the report of the live ground station with the greatest lease.
     pub fn ground(&self, now: Time) -> Option<&Fresh<Report>> {
         let live = self.grounds.values().filter(|report| report.age(now) <= GROUND_LIVES);
         live.max_by_key(|report| report.value.lease)
     }
 
-    /// Gives the greeting of the ground station heard last.
+    /// Returns the greeting of the ground station heard last.
     pub fn ground_hello(&self) -> Option<&Fresh<Hello>> {
         self.ground_hello.as_ref()
     }
 
-    /// Gives the nodes whose greeting is of another wire version.
+    /// Returns the nodes whose greeting is of another wire version.
     pub fn foreign(&self) -> impl Iterator<Item = &Greeting> {
         self.foreign.values()
     }
 
-    /// Gives why a node does not listen to whoever has this venue file; `None` = it does, or has not greeted.
+    /// Returns why a node does not listen to whoever has this venue file; `None` = it does, or has not greeted.
     pub fn misfit(&self, node: Sender, venue_hash: u64) -> Option<Misfit> {
         if let Some(greeting) = self.foreign.get(&node) {
             return Some(Misfit::Version(greeting.version));
@@ -125,7 +125,7 @@ impl FleetView {
         (theirs != venue_hash).then_some(Misfit::Venue(theirs))
     }
 
-    /// Gives the greatest lease that a vehicle echoes or a live ground station holds; number 0 = nobody's.
+    /// Returns the greatest lease that a vehicle echoes or a live ground station holds; number 0 = nobody's.
     pub fn lease(&self, now: Time) -> Lease {
         let echoed = self.vehicles.values().filter_map(|seen| Some(seen.state.as_ref()?.value.ordered.lease));
         let held = self.ground(now).map(|report| report.value.lease);

@@ -9,6 +9,7 @@ pub mod fleet_view;
 pub mod names;
 pub mod operator_actor;
 pub mod ordering;
+pub mod outcome;
 pub mod preflight;
 pub mod script;
 pub mod status;

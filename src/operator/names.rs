@@ -2,13 +2,13 @@
 
 use tomoswarm_proto::{Mode, OrderKind, Ordered, StationPhase};
 
-/// Gives what a vehicle was ordered last, and by whose right.
+/// Returns what a vehicle was ordered last, and by whose right.
 pub fn ordered(ordered: Ordered) -> String {
     let Ordered { lease, revision, kind, .. } = ordered;
     kind.map_or("-".to_owned(), |kind| format!("{} {}.{revision}", kind_name(kind), lease.number))
 }
 
-/// Gives the name of an order as it is typed.
+/// Returns the name of an order as it is typed.
 pub fn kind_name(kind: OrderKind) -> &'static str {
     match kind {
         OrderKind::Start => "start",
@@ -20,7 +20,7 @@ pub fn kind_name(kind: OrderKind) -> &'static str {
     }
 }
 
-/// Gives a mode in a word.
+/// Returns a mode in a word.
 pub fn mode(mode: Mode) -> &'static str {
     match mode {
         Mode::Idle => "idle",
@@ -32,7 +32,7 @@ pub fn mode(mode: Mode) -> &'static str {
     }
 }
 
-/// Gives what a ground station does in a word.
+/// Returns what a ground station does in a word.
 pub fn phase(phase: StationPhase) -> &'static str {
     match phase {
         StationPhase::Idle => "idle",
@@ -44,12 +44,12 @@ pub fn phase(phase: StationPhase) -> &'static str {
     }
 }
 
-/// Gives troubles in one cell.
+/// Returns troubles in one cell.
 pub fn troubles(troubles: &[String]) -> String {
     if troubles.is_empty() { "none".to_owned() } else { troubles.join("; ") }
 }
 
-/// Gives a list in words; a dash for an empty one.
+/// Returns a list in words; a dash for an empty one.
 pub fn listed<T: std::fmt::Display>(all: &[T]) -> String {
     let words: Vec<String> = all.iter().map(T::to_string).collect();
     if words.is_empty() { "-".to_owned() } else { words.join(",") }

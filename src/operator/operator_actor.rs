@@ -28,7 +28,8 @@ use tomoswarm_proto::{Hello, Message, VehicleId};
 
 use super::Heard;
 use super::fleet_view::FleetView;
-use super::ordering::{Instruction, Ordering, Outcome};
+use super::ordering::{Instruction, Ordering};
+use super::outcome::Outcome;
 use super::script::{LastWant, ScriptEnd, ScriptOut, ScriptRun, Sight, Step};
 use super::want::{Want, WantId};
 use crate::actor::{Actor, Class, Fault, Input};

@@ -35,15 +35,19 @@
 //! **Strangers.** Who greets with another venue file or wire version does not listen to this operator: it is named and not
 //! sent anything but an emergency, which it obeys whatever its venue file says.
 
+mod delivery;
+
 use std::collections::{BTreeMap, BTreeSet};
 use std::time::Duration;
 
 use tomoswarm_proto::{
-    Lease, Order, OrderKind, Ordered, Report, Revision, RunId, Sender, State, StationPhase, VehicleId,
+    Lease, Order, OrderKind, Report, Revision, RunId, Sender, State, StationPhase, VehicleId,
 };
 
+use self::delivery::{CONTEST, Delivery, Issued};
 use super::Heard;
 use super::fleet_view::{FleetView, Fresh, Misfit};
+use super::outcome::{Outcome, Refusal, VehicleOutcome};
 use crate::time::Time;
 
 /// An order is repeated this often.
@@ -56,8 +60,6 @@ const BLIND_AFTER: Duration = Duration::from_millis(100);
 const RISES: Duration = Duration::from_millis(300);
 /// A vehicle whose newest state is older is not known to be there.
 const SILENT_AFTER: Duration = Duration::from_secs(2);
-/// The ground has so long to say that it brings about what was started.
-const CONTEST: Duration = Duration::from_millis(2500);
 /// So often a stronger order goes above a weaker one of the same lease.
 const INSIST: u32 = 3;
 /// The first step above the greatest lease heard of an emergency to somebody unheard, and where its numbers end.
@@ -91,79 +93,6 @@ pub struct Instruction {
     pub timeout: Duration,
 }
 
-/// How an order ended for one vehicle.
-#[derive(Clone, Copy, PartialEq, Eq, Debug)]
-pub enum VehicleOutcome {
-    /// Its state shows the order, so long after it was first sent.
-    Obeyed {
-        /// From the first sending to the state that shows it.
-        after: Duration,
-        /// The ground station has gone on from there already.
-        by_ground: bool,
-    },
-    /// A higher order of somebody else came in between.
-    Overruled(Ordered),
-    /// It is heard, and has not obeyed in time.
-    Ignored,
-    /// Nothing was heard of it.
-    Unheard,
-    /// It does not listen to this operator, and was not sent the order unless that is an emergency.
-    Foreign(Misfit),
-    /// The operator wants something else of it since.
-    Withdrawn,
-}
-
-/// Why an order is not sent at all.
-#[derive(Clone, Copy, PartialEq, Eq, Debug, thiserror::Error)]
-pub enum Refusal {
-    /// The ground station drives another run than the one that is to be started.
-    #[error("run {under_way} is under way: hold it, or let it end before run {asked} begins")]
-    UnderWay {
-        /// The run that is driven.
-        under_way: RunId,
-        /// The run that was asked for.
-        asked: RunId,
-    },
-}
-
-/// What became of an order.
-#[derive(Clone, PartialEq, Eq, Debug)]
-pub struct Outcome {
-    /// By vehicle, ascending.
-    pub vehicles: BTreeMap<VehicleId, VehicleOutcome>,
-    /// The lease of the orders to those that were heard; `None` when nothing was sent.
-    pub lease: Option<Lease>,
-    /// Their run.
-    pub run: Option<RunId>,
-    /// Why nothing was sent, if it was refused.
-    pub refused: Option<Refusal>,
-}
-
-impl Outcome {
-    /// Tells whether every vehicle has obeyed, and there is one.
-    pub fn is_done(&self) -> bool {
-        let obeyed = |outcome: &VehicleOutcome| matches!(outcome, VehicleOutcome::Obeyed { .. });
-        !self.vehicles.is_empty() && self.vehicles.values().all(obeyed)
-    }
-
-    /// Says who has not obeyed, and why; empty when it is done.
-    pub fn undone(&self) -> String {
-        if let Some(refused) = self.refused {
-            return refused.to_string();
-        }
-        let words = |(id, of): (&VehicleId, &VehicleOutcome)| match of {
-            VehicleOutcome::Obeyed { .. } => None,
-            VehicleOutcome::Overruled(_) => Some(format!("vehicle {id} was ordered something else")),
-            VehicleOutcome::Ignored => Some(format!("vehicle {id} does not obey")),
-            VehicleOutcome::Unheard => Some(format!("vehicle {id} is not heard")),
-            VehicleOutcome::Foreign(_) => Some(format!("vehicle {id} is of another venue or version")),
-            VehicleOutcome::Withdrawn => Some(format!("something else is wanted of vehicle {id}")),
-        };
-        let all: Vec<String> = self.vehicles.iter().filter_map(words).collect();
-        if self.vehicles.is_empty() { "nobody is heard".to_owned() } else { all.join("; ") }
-    }
-}
-
 /// An order on its way.
 #[derive(Clone, Debug)]
 pub struct Ordering {
@@ -179,31 +108,6 @@ pub struct Ordering {
     refused: Option<Refusal>,
     stands: bool,
     withdrawn: BTreeSet<VehicleId>,
-}
-
-/// How far it is with one vehicle.
-#[derive(Clone, Debug, Default)]
-struct Delivery {
-    issued: Option<Issued>,
-    /// The lowest edition sent to it; what was sent blindly before may be what it obeys.
-    lowest: Option<(Lease, Revision)>,
-    first_at: Option<Time>,
-    sent_at: Option<Time>,
-    /// When its state showed it, and whether the ground has gone on from there.
-    obeyed: Option<(Time, bool)>,
-    contested: Option<(Time, Ordered)>,
-    overruled: Option<Ordered>,
-    /// Since when something else is above an order that stands, and which.
-    doubted: Option<(Time, Ordered)>,
-    insisted: u32,
-}
-
-#[derive(Clone, Copy, PartialEq, Eq, Debug)]
-struct Issued {
-    lease: Lease,
-    revision: Revision,
-    /// It was made without having heard the vehicle.
-    is_blind: bool,
 }
 
 impl Ordering {
@@ -276,7 +180,7 @@ impl Ordering {
         ids.into_iter().for_each(|id| self.judge(now, id));
     }
 
-    /// Gives the orders that are due; `is_linked` tells whether anyone can be reached.
+    /// Returns the orders that are due; `is_linked` tells whether anyone can be reached.
     pub fn act(&mut self, now: Time, is_linked: bool) -> Vec<Order> {
         if is_linked {
             self.linked.get_or_insert(now);
@@ -298,7 +202,7 @@ impl Ordering {
         due
     }
 
-    /// Gives when to act next at the latest.
+    /// Returns when to act next at the latest.
     pub fn next(&self, now: Time) -> Time {
         let sent =
             self.deliveries.values().filter_map(|delivery| delivery.sent_at.filter(|_| !delivery.is_over()));
@@ -309,7 +213,7 @@ impl Ordering {
         [repeated, given_up].into_iter().flatten().fold(looked, Time::min)
     }
 
-    /// Gives what became of it once it is over.
+    /// Returns what became of it once it is over.
     pub fn outcome(&self, now: Time) -> Option<Outcome> {
         let outcomes = self.outcomes(now);
         let is_emergency = self.is_emergency();
@@ -329,7 +233,7 @@ impl Ordering {
         (is_over || now.since(self.began) >= self.instruction.timeout).then(|| self.outcome_so_far(now))
     }
 
-    /// Gives what became of it so far.
+    /// Returns what became of it so far.
     pub fn outcome_so_far(&self, now: Time) -> Outcome {
         let issued = self.deliveries.values().filter_map(|delivery| delivery.issued);
         let lease = issued.filter(|issued| !issued.is_blind).map(|issued| issued.lease).max();
@@ -367,12 +271,12 @@ impl Ordering {
         self.targets(now).into_iter().map(of).collect()
     }
 
-    /// Gives why a vehicle does not listen to this operator, if it does not.
+    /// Returns why a vehicle does not listen to this operator, if it does not.
     fn misfit(&self, id: VehicleId) -> Option<Misfit> {
         self.view.misfit(Sender::Vehicle(id), self.instruction.venue_hash)
     }
 
-    /// Gives who must obey.
+    /// Returns who must obey.
     fn targets(&self, now: Time) -> BTreeSet<VehicleId> {
         if !self.instruction.vehicles.is_empty() {
             return self.instruction.vehicles.clone();
@@ -382,7 +286,7 @@ impl Ordering {
         self.instruction.expected.iter().copied().chain(members).chain(heard).collect()
     }
 
-    /// Gives to whom it is sent: in an emergency also to those of whom nothing is known.
+    /// Returns to whom it is sent: in an emergency also to those of whom nothing is known.
     fn addressees(&self, now: Time) -> BTreeSet<VehicleId> {
         let mut all = self.targets(now);
         if self.is_emergency() && self.instruction.vehicles.is_empty() {
@@ -486,7 +390,7 @@ impl Ordering {
         }
     }
 
-    /// Tells whether the ground's lease is known as far as this order needs it.
+    /// Returns whether the ground's lease is known as far as this order needs it.
     fn knows_ground(&self, now: Time) -> bool {
         let may_wait = matches!(self.instruction.kind, OrderKind::Start | OrderKind::Return);
         !may_wait || self.view.ground(now).is_some() || self.has_listened(now)
@@ -536,7 +440,7 @@ impl Ordering {
         Some(Issued { lease, revision: Revision(revision), is_blind: true })
     }
 
-    /// Gives the run of the orders, chosen once: what was started must not count as a run before.
+    /// Returns the run of the orders, chosen once: what was started must not count as a run before.
     fn run_of(&mut self, now: Time) -> RunId {
         if let Some(run) = self.run {
             return run;
@@ -554,41 +458,6 @@ impl Ordering {
             self.run = Some(run);
         }
         run
-    }
-}
-
-impl Delivery {
-    /// Begins anew with a vehicle that was started anew, unless somebody else has the say since.
-    fn forget(&mut self, in_force: Lease) {
-        let is_outbid = self.issued.is_some_and(|issued| in_force > issued.lease);
-        let by_lease = is_outbid.then_some(Ordered { lease: in_force, ..Ordered::default() });
-        self.overruled = self.overruled.or(self.doubted.map(|(_, echo)| echo)).or(by_lease);
-        (self.issued, self.sent_at, self.doubted) = (None, None, None);
-    }
-
-    /// Takes what a vehicle shows after it has obeyed an order that stands. What somebody else has ordered ends it there,
-    /// but for the ground station, which brings a start about by orders of its own; its report may be late.
-    fn doubt(&mut self, now: Time, echo: Ordered, is_explained: bool) {
-        let since = self.doubted.map_or(now, |(since, _)| since);
-        self.doubted = (!is_explained).then_some((since, echo));
-        if self.doubted.is_some() && now.since(since) >= CONTEST {
-            self.overruled = Some(echo);
-        }
-    }
-
-    fn is_over(&self) -> bool {
-        self.obeyed.is_some() || self.overruled.is_some()
-    }
-
-    fn outcome(&self, is_heard: bool) -> VehicleOutcome {
-        match (self.obeyed, self.overruled) {
-            (Some((at, by_ground)), _) => {
-                VehicleOutcome::Obeyed { after: at.since(self.first_at.unwrap_or(at)), by_ground }
-            }
-            (None, Some(echo)) => VehicleOutcome::Overruled(echo),
-            (None, None) if is_heard => VehicleOutcome::Ignored,
-            (None, None) => VehicleOutcome::Unheard,
-        }
     }
 }
 

@@ -84,7 +84,7 @@ pub fn inspect(view: &FleetView, needs: &Needs, now: Time) -> Vec<Node> {
     nodes
 }
 
-/// Tells whether a run may begin.
+/// Returns whether a run may begin.
 pub fn is_go(nodes: &[Node]) -> bool {
     // The ground station alone is no swarm.
     nodes.len() > 1 && nodes.iter().flat_map(|node| &node.checks).all(|check| check.light != Light::NoGo)

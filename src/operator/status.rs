@@ -18,7 +18,7 @@ pub struct Expected {
 }
 
 impl Expected {
-    /// Gives all vehicles that are expected or heard.
+    /// Returns all vehicles that are expected or heard.
     pub fn vehicles(&self, view: &FleetView, now: Time) -> BTreeSet<VehicleId> {
         let named = view.ground(now).into_iter().flat_map(|report| {
             report.value.members.iter().chain(&report.value.lost).copied().collect::<Vec<VehicleId>>()
@@ -27,7 +27,7 @@ impl Expected {
         self.vehicles.iter().copied().chain(named).chain(heard).collect()
     }
 
-    /// Tells whether the state of every vehicle, and the ground station if it is expected, was heard; of nobody at all
+    /// Returns whether the state of every vehicle, and the ground station if it is expected, was heard; of nobody at all
     /// never.
     pub fn all_heard(&self, view: &FleetView, now: Time) -> bool {
         let vehicles = self.vehicles(view, now);

@@ -8,24 +8,24 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::time::Duration;
 
-use tomoswarm::actor::{Actor, Seat};
+use tomoswarm::actor::Actor;
 use tomoswarm::config::{self, Config, Sim, bundled};
 use tomoswarm::geom::{Angle, Point, Pose};
 use tomoswarm::node::Settings;
 use tomoswarm::node::vehicle::{self, Motion, Telemetry, Vehicle};
 use tomoswarm::operator::Heard;
-use tomoswarm::operator::operator_actor::{In, Operator, OperatorSettings, Out};
-use tomoswarm::operator::ordering::{Outcome, VehicleOutcome};
+use tomoswarm::operator::operator_actor::{In, Out};
+use tomoswarm::operator::outcome::{Outcome, VehicleOutcome};
 use tomoswarm::operator::script::Step;
 use tomoswarm::operator::want::{Want, WantId};
 use tomoswarm::time::Time;
 use tomoswarm_proto::{
-    Boot, Hello, Lease, Message, Order, OrderKind, Ordered, Report, Revision, RunId, Sender, State, VehicleId,
+    Boot, Lease, Message, Order, OrderKind, Ordered, Report, RunId, Sender, State, VehicleId,
 };
 
 use super::chance::Chance;
+use super::nodes::{Hand, Rover, VEHICLES};
 
-const VEHICLES: u8 = 3;
 const TICK: Duration = Duration::from_millis(10);
 /// Nothing that the bus carries comes later.
 const LATEST: Duration = Duration::from_millis(400);
@@ -80,33 +80,6 @@ struct Cut {
     until: Time,
 }
 
-/// A vehicle: its order logic, and what is truly in force on it.
-struct Rover {
-    id: VehicleId,
-    actor: Vehicle,
-    boot: Boot,
-    /// Its software runs from here on.
-    up_from: Time,
-    in_force: Ordered,
-    history: Vec<(Time, Ordered)>,
-    /// The greatest lease that it has ever obeyed.
-    highest: Lease,
-}
-
-/// An operator, and what is judged of it.
-struct Hand {
-    actor: Seat<Operator>,
-    holder: u64,
-    wants: BTreeMap<WantId, (Time, Want)>,
-    next: u32,
-    /// It follows a script, and wants nothing by hand.
-    is_scripted: bool,
-    /// The first order of a want to a vehicle: when, and its edition.
-    firsts: BTreeMap<(WantId, VehicleId), (Time, (Lease, Revision))>,
-    sent: BTreeSet<(VehicleId, Lease, Revision)>,
-    newest: BTreeMap<VehicleId, Order>,
-}
-
 struct World {
     chance: Chance,
     now: Time,
@@ -155,45 +128,6 @@ fn sim() -> Sim {
 
 fn rover(sim: &Sim, id: VehicleId, boot: Boot) -> Vehicle {
     Vehicle::new(Settings::from_config(sim, id, boot, Point::new(f64::from(id.0), 0.0)))
-}
-
-impl Hand {
-    fn new(number: u8) -> Hand {
-        let hello = Hello {
-            node: Sender::Operator,
-            boot: Boot(0),
-            venue_hash: 5,
-            instance: u64::from(number),
-            is_member: true,
-            member_for_s: 0,
-            software: String::new(),
-            capabilities: vec![],
-        };
-        let holder = 50 + u64::from(number);
-        let all: BTreeSet<VehicleId> = (1..=VEHICLES).map(VehicleId).collect();
-        let settings = OperatorSettings { hello, greets: true, holder, expected: all.clone(), possible: all };
-        let mut actor = Seat::new(Operator::new(settings));
-        actor.push(In::Linked(true));
-        Hand {
-            actor,
-            holder,
-            wants: BTreeMap::new(),
-            next: 0,
-            is_scripted: false,
-            firsts: BTreeMap::new(),
-            sent: BTreeSet::new(),
-            newest: BTreeMap::new(),
-        }
-    }
-
-    /// Tells which want an order is of: the newest one of this kind for this vehicle.
-    fn want_of(&self, order: &Order) -> Option<WantId> {
-        let is_of = |want: &Want| {
-            want.kind == order.kind && (want.vehicles.is_empty() || want.vehicles.contains(&order.vehicle))
-        };
-        let wants = self.wants.iter().filter(|(_, (_, want))| is_of(want));
-        wants.max_by_key(|(_, (since, _))| *since).map(|(id, _)| *id)
-    }
 }
 
 impl World {
@@ -580,15 +514,6 @@ impl World {
             ..Report::default()
         };
         self.send(Node::Ground, &Heard::Message(Sender::Ground, Message::Report(report)));
-    }
-}
-
-impl Rover {
-    /// Tells whether such an order was in force at any moment of a span.
-    fn was_in_force(&self, from: Time, until: Time, is_it: impl Fn(&Ordered) -> bool) -> bool {
-        let ends = self.history.iter().skip(1).map(|(at, _)| *at).chain([Time::NEVER]);
-        let spans = self.history.iter().zip(ends);
-        spans.into_iter().any(|((since, order), end)| *since <= until && end >= from && is_it(order))
     }
 }
 

@@ -2,7 +2,7 @@
 
 use tomoswarm_proto::{Boot, Lease, Order, OrderKind as Kind, Report, RunId, Sender, StationPhase};
 
-use super::super::ordering::{Refusal, VehicleOutcome};
+use super::super::outcome::{Refusal, VehicleOutcome};
 use super::super::script::Condition;
 use super::super::status::Expected;
 use super::super::tests_support::{Rover, at, heard, report};
@@ -245,6 +245,19 @@ fn a_start_of_another_run_is_refused_by_hand_and_awaited_by_a_script() {
     world.report = Some(Report { phase: StationPhase::Idle, ..under_way });
     world.run(2.0);
     assert_eq!(world.rovers[0].state.ordered.run, RunId(7));
+}
+
+#[test]
+fn an_emergency_of_before_is_not_taken_for_the_one_that_is_wanted_now() {
+    let mut world = World::new(vec![Rover::new(1), Rover::new(2)]);
+    world.tell(In::Want(0, Want { take_over: true, ..want(Kind::Emergency) }));
+    world.run(2.0);
+    assert!(world.ended()[0].1.is_done());
+    // Of the first one nothing is heard any more: it may have been started anew, and know nothing of it.
+    world.rovers.remove(0);
+    world.tell(In::Want(1, only(Kind::Emergency, 1)));
+    world.run(5.5);
+    assert_eq!(world.ended()[1].1.vehicles, [(VehicleId(1), VehicleOutcome::Ignored)].into());
 }
 
 #[test]
