@@ -130,28 +130,29 @@ impl ScriptRun {
         if let LastWant::Failed(why) = sight.last_want {
             return Some(self.give_up(why.clone()));
         }
-        while let Some(step) = self.steps.get(self.at).cloned() {
+        while let Some(step) = self.steps.get(self.at) {
             let waited = now.since(self.since);
             match step {
                 Step::Want(want) => {
+                    let want = want.clone();
                     self.next(now);
                     return Some(ScriptOut::Want(want));
                 }
                 Step::Cue { name, .. } if !self.is_cue_said => {
                     self.is_cue_said = true;
-                    return Some(ScriptOut::Cue(name));
+                    return Some(ScriptOut::Cue(name.clone()));
                 }
                 Step::Cue { .. } if self.is_cue_done => self.next(now),
                 Step::Cue { name, within } => {
                     let why = || format!("{name:?} was not done within {:.1} s", within.as_secs_f64());
-                    return (waited >= within).then(|| self.give_up(why()));
+                    return (waited >= *within).then(|| self.give_up(why()));
                 }
                 Step::Wait { until, .. } if until.is_shown(now, sight) => self.next(now),
                 Step::Wait { until, within } => {
-                    let why = || until.missed(now, sight, within);
-                    return (waited >= within).then(|| self.give_up(why()));
+                    let why = || until.missed(now, sight, *within);
+                    return (waited >= *within).then(|| self.give_up(why()));
                 }
-                Step::Delay(span) if waited >= span => self.next(now),
+                Step::Delay(span) if waited >= *span => self.next(now),
                 Step::Delay(_) => return None,
             }
         }

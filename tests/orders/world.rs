@@ -237,9 +237,10 @@ impl World {
 
     fn restart(&mut self) {
         let now = self.now;
-        let (due, later) = std::mem::take(&mut self.restarts).into_iter().partition(|(at, _)| *at <= now);
+        let (due, later): (Vec<_>, Vec<_>) =
+            std::mem::take(&mut self.restarts).into_iter().partition(|(at, _)| *at <= now);
         self.restarts = later;
-        for (at, node) in Vec::<(Time, Node)>::from(due) {
+        for (at, node) in due {
             let down = Duration::from_secs_f64(3.0 * self.chance.share("down", &[at.as_nanos()]));
             match node {
                 Node::Vehicle(index) => {
