@@ -28,6 +28,7 @@ pub(super) struct Size {
 }
 
 /// Returns how many letters fit in a line of standard output; `None` = it is no terminal, and nothing is to be wrapped.
+#[cfg(feature = "net")]
 pub(super) fn columns_of_stdout() -> Option<usize> {
     let term = console::Term::stdout();
     let size = term.size_checked().filter(|_| term.is_term());

@@ -360,7 +360,9 @@ pub(super) fn short(words: Vec<String>) -> Vec<String> {
 
 fn cut(mut word: String) -> String {
     if word.len() > WORD_BYTES {
-        word.truncate(word.floor_char_boundary(WORD_BYTES - '…'.len_utf8()));
+        let most = WORD_BYTES - '…'.len_utf8();
+        let end = (0..=most).rev().find(|end| word.is_char_boundary(*end)).unwrap_or(0);
+        word.truncate(end);
         word.push('…');
     }
     word
