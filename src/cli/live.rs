@@ -15,13 +15,12 @@ use super::answer::complain;
 use super::error::CliError;
 use super::folder::OutputFolder;
 use super::load;
-use super::operator::Door;
+use super::operator::OperatorContext;
 use super::report::FAMILY;
 use super::sim::{SimArgs, default_folder, started};
 use super::stop::Stop;
 use crate::config::{Expect, Topology};
 use crate::geom::Point;
-use crate::run::door::session::Session;
 use crate::run::link::WorldControl;
 use crate::run::live::director::{Diary, Director, Going};
 use crate::run::live::files::Places;
@@ -128,11 +127,11 @@ impl Swarm {
             vehicle.arg(folder.join(file));
             processes.start(&name, Rank::Vehicle, vehicle).map_err(fault)?;
         }
-        let session: Session = Door::read(&folder.join(OPERATOR))?.open()?;
+        let operator = OperatorContext::read(&folder.join(OPERATOR))?.open()?;
         let control = WorldControl::connect(address, &token);
         let control = control.map_err(|error| CliError::Swarm(error.to_string()))?;
         let store = folder.join(STORE);
-        let director = Director::new(scenario, session, control, store.clone())
+        let director = Director::new(scenario, operator, control, store.clone())
             .map_err(|error| CliError::Usage(error.to_string()))?;
         Ok(Swarm { processes, director, store })
     }

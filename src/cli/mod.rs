@@ -36,6 +36,7 @@ mod pictures;
 pub mod plan;
 #[cfg(feature = "net")]
 pub mod preflight;
+pub mod preflight_text;
 mod read;
 pub mod recording;
 #[cfg(feature = "net")]
@@ -48,7 +49,9 @@ mod screen;
 pub mod sim;
 #[cfg(feature = "net")]
 pub mod status;
+pub mod status_text;
 mod stop;
+mod table;
 #[cfg(feature = "net")]
 pub mod tap;
 mod tracks;

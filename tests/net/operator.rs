@@ -1,11 +1,12 @@
 //! The operator's tools as programs, over loopback, against nodes that this test plays on the real bus.
 
+use std::io::{BufRead, BufReader};
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output, Stdio};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex};
 use std::thread::JoinHandle;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use tomoswarm::config::{self, Config, Venue};
 use tomoswarm::run::bus::{Bus, BusSettings, Heard, Topology};
@@ -13,7 +14,7 @@ use tomoswarm::run::clock::Clock;
 use tomoswarm::run::mailbox::Troubles;
 use tomoswarm_proto::{
     Boot, Health, Hello, Lease, Message, Mode, Order, OrderKind, Ordered, PoseReport, Position, Report,
-    Sender, State, VehicleId,
+    RunId, Sender, State, StationPhase, VehicleId,
 };
 
 const GROUNDS: Lease = Lease { number: 3, holder: 33 };
@@ -95,17 +96,14 @@ fn hello(node: Sender) -> Message {
 
 /// Plays the ground station, which does nothing but hold its lease.
 fn ground(listen: &str) -> Player {
-    play(
-        Sender::Ground,
-        listen,
-        &[],
-        |_| {},
-        |_| {
-            let members = vec![VehicleId(1), VehicleId(2)];
-            let report = Report { lease: GROUNDS, store: 1, members, ..Report::default() };
-            vec![hello(Sender::Ground), Message::Report(report)]
-        },
-    )
+    ground_that(listen, Report { members: vec![VehicleId(1), VehicleId(2)], ..Report::default() })
+}
+
+/// Plays the ground station, which holds its lease and says this of itself.
+fn ground_that(listen: &str, report: Report) -> Player {
+    let report = Report { lease: GROUNDS, store: 1, ..report };
+    let say = move |_| vec![hello(Sender::Ground), Message::Report(report.clone())];
+    play(Sender::Ground, listen, &[], |_| {}, say)
 }
 
 /// Plays a vehicle at its home that obeys what is above its echo.
@@ -221,4 +219,42 @@ fn nobody_there_is_said_and_a_wrong_use_is_refused() {
     check(&tool("order", &config, &["cut-motors"]), 2);
     check(&tool("order", Path::new(VENUE), &["hold"]), 2);
     check(&tool("order", &config, &["hold", "--timeout", "nan"]), 2);
+}
+
+#[test]
+fn a_start_of_another_run_is_refused_while_one_is_driven() {
+    let folder = tempfile::tempdir().unwrap();
+    let hub = free_endpoint();
+    let config = operator_file(folder.path(), &hub);
+    let members = vec![VehicleId(1)];
+    let report = Report { phase: StationPhase::Running, run: RunId(1), members, ..Report::default() };
+    let _ground = ground_that(&hub, report);
+    let (_one, by_one) = vehicle(1, &[], &hub);
+    let refused = tool("order", &config, &["start", "--run", "7"]);
+    check(&refused, 1);
+    let complaint = String::from_utf8_lossy(&refused.stderr).into_owned();
+    assert!(complaint.contains("run 1 is under way"), "{complaint}");
+    assert_eq!(by_one.lock().unwrap().kind, None, "nothing was sent");
+    check(&tool("order", &config, &["start", "--run", "1"]), 0);
+}
+
+#[test]
+fn a_status_that_is_watched_ends_when_nobody_reads_it_any_more() {
+    let folder = tempfile::tempdir().unwrap();
+    let config = operator_file(folder.path(), &free_endpoint());
+    let mut program = Command::new(env!("CARGO_BIN_EXE_tomoswarm"));
+    program.arg("status").arg(&config).args(["--watch", "--for", "0.2"]);
+    program.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped());
+    let mut watching = program.spawn().unwrap();
+    let mut line = String::new();
+    BufReader::new(watching.stdout.take().unwrap()).read_line(&mut line).unwrap();
+    assert_eq!(line, "no vehicle was heard\n");
+    let began = Instant::now();
+    while watching.try_wait().unwrap().is_none() && began.elapsed() < Duration::from_secs(20) {
+        std::thread::sleep(Duration::from_millis(50));
+    }
+    // One that goes on would otherwise outlive this test.
+    let _ = watching.kill();
+    let output = watching.wait_with_output().unwrap();
+    assert_eq!((output.status.code(), String::from_utf8_lossy(&output.stderr).as_ref()), (Some(0), ""));
 }

@@ -5,7 +5,7 @@ use tomoswarm_proto::{
     Sender, State, StationPhase, VehicleId,
 };
 
-use super::super::bus::Heard;
+use super::Heard;
 use crate::time::Time;
 
 /// A moment, in seconds.

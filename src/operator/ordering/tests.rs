@@ -9,8 +9,8 @@ use super::*;
 const GROUNDS: Lease = Lease { number: 4, holder: 44 };
 const OWN: u64 = 7;
 
-fn wish(kind: Kind) -> Wish {
-    Wish {
+fn want(kind: Kind) -> Instruction {
+    Instruction {
         kind,
         begins: true,
         vehicles: BTreeSet::new(),
@@ -24,8 +24,8 @@ fn wish(kind: Kind) -> Wish {
     }
 }
 
-fn only_one(kind: Kind) -> Wish {
-    Wish { vehicles: BTreeSet::from([VehicleId(1)]), ..wish(kind) }
+fn only_one(kind: Kind) -> Instruction {
+    Instruction { vehicles: BTreeSet::from([VehicleId(1)]), ..want(kind) }
 }
 
 /// A small world: what is said arrives within a tick of 20 ms unless it is lost.
@@ -44,8 +44,8 @@ struct World {
 const TICK: Duration = Duration::from_millis(20);
 
 impl World {
-    fn new(wish: Wish, rovers: Vec<Rover>) -> World {
-        let ordering = Ordering::new(Time::ZERO, wish);
+    fn new(want: Instruction, rovers: Vec<Rover>) -> World {
+        let ordering = Ordering::new(Time::ZERO, want);
         let loses = |_| false;
         World {
             now: Time::ZERO,
@@ -93,21 +93,21 @@ impl World {
     }
 }
 
-fn fates(outcome: &Outcome) -> Vec<Fate> {
-    outcome.fates.values().copied().collect()
+fn outcomes(outcome: &Outcome) -> Vec<VehicleOutcome> {
+    outcome.vehicles.values().copied().collect()
 }
 
 fn obeyed_ms(outcome: &Outcome) -> Vec<u128> {
-    let after = |fate: &Fate| match fate {
-        Fate::Obeyed { after, .. } => after.as_millis(),
+    let after = |outcome: &VehicleOutcome| match outcome {
+        VehicleOutcome::Obeyed { after, .. } => after.as_millis(),
         other => panic!("{other:?}"),
     };
-    outcome.fates.values().map(after).collect()
+    outcome.vehicles.values().map(after).collect()
 }
 
 #[test]
 fn a_start_uses_the_grounds_lease_and_ends_when_all_states_show_it() {
-    let mut world = World::new(wish(Kind::Start), vec![Rover::new(1), Rover::new(2)]).with_ground();
+    let mut world = World::new(want(Kind::Start), vec![Rover::new(1), Rover::new(2)]).with_ground();
     let outcome = world.run();
     assert!(outcome.is_done(), "{outcome:?}");
     assert_eq!((outcome.lease, outcome.run), (Some(GROUNDS), Some(RunId(1))));
@@ -117,7 +117,7 @@ fn a_start_uses_the_grounds_lease_and_ends_when_all_states_show_it() {
 
 #[test]
 fn where_nobody_holds_a_lease_an_own_one_begins() {
-    let outcome = World::new(wish(Kind::Start), vec![Rover::new(1)]).run();
+    let outcome = World::new(want(Kind::Start), vec![Rover::new(1)]).run();
     assert!(outcome.is_done());
     assert_eq!(outcome.lease, Some(Lease { number: 1, holder: OWN }));
 }
@@ -125,7 +125,7 @@ fn where_nobody_holds_a_lease_an_own_one_begins() {
 #[test]
 fn the_revision_is_above_each_vehicles_own_echo() {
     let rovers = vec![Rover::ordered(1, GROUNDS, 9, Kind::Start), Rover::new(2)];
-    let mut world = World::new(wish(Kind::Hold), rovers);
+    let mut world = World::new(want(Kind::Hold), rovers);
     assert!(world.run().is_done());
     let of = |id| world.sent.iter().find(|(_, order)| order.vehicle == VehicleId(id)).unwrap().1;
     assert_eq!((of(1).lease, of(1).revision), (GROUNDS, Revision(10)));
@@ -134,7 +134,7 @@ fn the_revision_is_above_each_vehicles_own_echo() {
 
 #[test]
 fn lost_orders_are_sent_again_every_100_ms() {
-    let mut world = World::new(wish(Kind::Hold), vec![Rover::new(1)]);
+    let mut world = World::new(want(Kind::Hold), vec![Rover::new(1)]);
     world.loses = |number| number < 8;
     let outcome = world.run();
     let times: Vec<u64> = world.sent.iter().map(|(at, _)| at.as_nanos() / 1_000_000).collect();
@@ -146,7 +146,7 @@ fn lost_orders_are_sent_again_every_100_ms() {
 #[test]
 fn what_stops_waits_for_no_ground_and_what_starts_does() {
     for (kind, from_s, to_s) in [(Kind::Hold, 0.2, 0.24), (Kind::Start, 1.5, 1.6)] {
-        let mut world = World::new(wish(kind), vec![Rover::new(1)]);
+        let mut world = World::new(want(kind), vec![Rover::new(1)]);
         world.run();
         let first = world.sent[0].0;
         assert!((at(from_s)..=at(to_s)).contains(&first), "{kind:?} at {first}");
@@ -157,7 +157,7 @@ fn what_stops_waits_for_no_ground_and_what_starts_does() {
 fn late_states_are_waited_for_and_nobody_counts_as_missing_who_then_comes() {
     let two = BTreeSet::from([VehicleId(1), VehicleId(2)]);
     let mut world =
-        World::new(Wish { vehicles: two, ..wish(Kind::Hold) }, vec![Rover::new(1), Rover::new(2)]);
+        World::new(Instruction { vehicles: two, ..want(Kind::Hold) }, vec![Rover::new(1), Rover::new(2)]);
     world.states_from = at(3.0);
     world.run_until(2.9);
     assert_eq!(world.sent, vec![]);
@@ -167,26 +167,29 @@ fn late_states_are_waited_for_and_nobody_counts_as_missing_who_then_comes() {
 #[test]
 fn who_is_not_heard_is_named_when_the_time_is_up() {
     let two = BTreeSet::from([VehicleId(1), VehicleId(2)]);
-    let mut world = World::new(Wish { vehicles: two, ..wish(Kind::Hold) }, vec![Rover::new(2)]);
+    let mut world = World::new(Instruction { vehicles: two, ..want(Kind::Hold) }, vec![Rover::new(2)]);
     let outcome = world.run();
-    assert!(matches!(fates(&outcome)[..], [Fate::Unheard, Fate::Obeyed { .. }]), "{outcome:?}");
+    assert!(
+        matches!(outcomes(&outcome)[..], [VehicleOutcome::Unheard, VehicleOutcome::Obeyed { .. }]),
+        "{outcome:?}"
+    );
     assert!(!outcome.is_done() && world.now == at(5.0));
-    let nobody = World::new(wish(Kind::Hold), vec![]).run();
-    assert!(!nobody.is_done() && nobody.fates.is_empty());
+    let nobody = World::new(want(Kind::Hold), vec![]).run();
+    assert!(!nobody.is_done() && nobody.vehicles.is_empty());
 }
 
 #[test]
 fn who_hears_nothing_is_said_to_have_ignored_it() {
-    let mut world = World::new(wish(Kind::Hold), vec![Rover::new(1)]);
+    let mut world = World::new(want(Kind::Hold), vec![Rover::new(1)]);
     world.loses = |_| true;
-    assert_eq!(fates(&world.run()), [Fate::Ignored]);
+    assert_eq!(outcomes(&world.run()), [VehicleOutcome::Ignored]);
 }
 
 #[test]
 fn a_vehicle_started_anew_in_between_is_told_again() {
     let both = BTreeSet::from([VehicleId(1), VehicleId(2)]);
     let mut world = World::new(
-        Wish { vehicles: both, ..wish(Kind::Hold) },
+        Instruction { vehicles: both, ..want(Kind::Hold) },
         vec![Rover::ordered(1, GROUNDS, 5, Kind::Start)],
     );
     world.run_until(1.0);
@@ -207,14 +210,14 @@ fn a_higher_order_of_another_lease_overrules_and_is_named() {
     let lease = Lease { number: 9, holder: 1 };
     let other = Rover::ordered(1, lease, 1, Kind::Hold).state.ordered;
     world.rovers[0].state.ordered = other;
-    assert_eq!(fates(&world.run()), [Fate::Overruled(other)]);
+    assert_eq!(outcomes(&world.run()), [VehicleOutcome::Overruled(other)]);
     assert!(world.now < at(1.5));
 }
 
 #[test]
 fn a_hold_goes_above_a_start_of_the_same_lease_and_not_the_other_way_round() {
     for (ours, theirs, wins) in [(Kind::Hold, Kind::Start, true), (Kind::Start, Kind::Hold, false)] {
-        let mut world = World::new(wish(ours), vec![Rover::ordered(1, GROUNDS, 5, Kind::Start)]);
+        let mut world = World::new(want(ours), vec![Rover::ordered(1, GROUNDS, 5, Kind::Start)]);
         world.loses = |number| number < 10;
         while world.sent.is_empty() {
             world.tick();
@@ -243,7 +246,8 @@ fn a_start_that_the_ground_brings_about_by_a_hold_is_obeyed_unless_something_sta
 #[test]
 fn a_lease_is_taken_over_with_the_next_number_and_an_own_holder() {
     let rovers = vec![Rover::ordered(1, GROUNDS, 9, Kind::Start), Rover::new(2)];
-    let outcome = World::new(Wish { take_over: true, ..wish(Kind::Start) }, rovers).with_ground().run();
+    let outcome =
+        World::new(Instruction { take_over: true, ..want(Kind::Start) }, rovers).with_ground().run();
     assert!(outcome.is_done());
     assert_eq!(outcome.lease, Some(Lease { number: 5, holder: OWN }));
 }
@@ -251,7 +255,7 @@ fn a_lease_is_taken_over_with_the_next_number_and_an_own_holder() {
 #[test]
 fn a_start_of_an_idle_ground_begins_the_next_run_and_otherwise_goes_on() {
     let run_of = |begins, phase, run| {
-        let mut world = World::new(Wish { begins, run, ..wish(Kind::Start) }, vec![Rover::new(1)]);
+        let mut world = World::new(Instruction { begins, run, ..want(Kind::Start) }, vec![Rover::new(1)]);
         world.report = Some(Report { phase, run: RunId(6), ..report() });
         world.run().run
     };
@@ -265,7 +269,7 @@ fn a_start_of_an_idle_ground_begins_the_next_run_and_otherwise_goes_on() {
 fn blind(echo: Rover) -> (Time, World) {
     let one = BTreeSet::from([VehicleId(1)]);
     let timeout = Duration::from_secs(30);
-    let mut world = World::new(Wish { vehicles: one, timeout, ..wish(Kind::Emergency) }, vec![echo]);
+    let mut world = World::new(Instruction { vehicles: one, timeout, ..want(Kind::Emergency) }, vec![echo]);
     world.states_from = at(20.0);
     let mut obeyed = None;
     while world.tick().is_none() {
@@ -303,7 +307,7 @@ fn after_a_blind_emergency_whoever_reads_its_lease_starts_again() {
     let (_, world) = blind(Rover::ordered(1, GROUNDS, 3, Kind::Start));
     let lease = world.rovers[0].state.ordered.lease;
     assert!(lease.number < u32::MAX - 1_000_000_000, "there is room for leases above");
-    let mut after = World::new(Wish { holder: 99, ..wish(Kind::Start) }, world.rovers);
+    let mut after = World::new(Instruction { holder: 99, ..want(Kind::Start) }, world.rovers);
     assert!(after.run().is_done());
     assert_eq!(after.rovers[0].state.ordered.kind, Some(Kind::Start));
 }
@@ -313,16 +317,16 @@ fn an_emergency_goes_above_whatever_is_heard_and_to_whoever_might_be_there() {
     let lease = Lease { number: 2_000_000, holder: 5 };
     let possible = BTreeSet::from([VehicleId(1), VehicleId(2)]);
     let rovers = vec![Rover::ordered(1, lease, 8, Kind::Start)];
-    let mut world = World::new(Wish { possible, ..wish(Kind::Emergency) }, rovers);
+    let mut world = World::new(Instruction { possible, ..want(Kind::Emergency) }, rovers);
     let outcome = world.run();
-    assert!(outcome.is_done() && outcome.fates.len() == 1, "{outcome:?}");
+    assert!(outcome.is_done() && outcome.vehicles.len() == 1, "{outcome:?}");
     assert!(world.sent.iter().any(|(_, order)| order.vehicle == VehicleId(2)));
 }
 
 #[test]
 fn an_emergency_insists_against_a_start_of_a_higher_lease_but_not_against_cut_motors() {
     for (theirs, is_done) in [(Kind::Start, true), (Kind::CutMotors, false)] {
-        let mut world = World::new(wish(Kind::Emergency), vec![Rover::new(1)]);
+        let mut world = World::new(want(Kind::Emergency), vec![Rover::new(1)]);
         world.loses = |number| number < 4;
         while world.sent.is_empty() {
             world.tick();
@@ -361,7 +365,7 @@ fn who_has_another_venue_file_or_version_is_named_at_once_and_not_ordered() {
         ordering.hear(at(0.1), &greets(1, version, venue_hash));
         assert_eq!(ordering.act(at(0.2), true), vec![]);
         let outcome = ordering.outcome(at(0.2)).unwrap();
-        assert_eq!(fates(&outcome), [Fate::Foreign(misfit)]);
+        assert_eq!(outcomes(&outcome), [VehicleOutcome::Foreign(misfit)]);
         assert!(!outcome.is_done());
         // It fits: nothing is refused.
         ordering.hear(at(0.3), &greets(1, codec::VERSION, 5));

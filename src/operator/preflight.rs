@@ -5,12 +5,10 @@ use std::collections::BTreeSet;
 use std::time::Duration;
 
 use serde::Serialize;
-use serde_json::{Value, json};
 use tomoswarm_proto::{Health, Hello, Lease, Mode, Report, State, StationPhase, VehicleId};
 
-use super::roll::{Roll, Seen};
-use super::status;
-use super::table::{listed, table};
+use super::fleet_view::{FleetView, GROUND_LIVES, VehicleView};
+use super::names::{self, listed};
 use crate::geom::{Point, Polygon};
 use crate::time::Time;
 
@@ -75,48 +73,21 @@ pub struct Node {
 }
 
 /// Looks at everyone.
-pub fn inspect(roll: &Roll, needs: &Needs, now: Time) -> Vec<Node> {
-    let nothing = Seen::default();
+pub fn inspect(view: &FleetView, needs: &Needs, now: Time) -> Vec<Node> {
+    let nothing = VehicleView::default();
     let vehicle = |id: &VehicleId| Node {
         node: format!("vehicle {id}"),
-        checks: of_vehicle(*id, roll.vehicle(*id).unwrap_or(&nothing), needs, now),
+        checks: of_vehicle(*id, view.vehicle(*id).unwrap_or(&nothing), needs, now),
     };
     let mut nodes: Vec<Node> = needs.vehicles.iter().map(vehicle).collect();
-    nodes.push(Node { node: "ground".to_owned(), checks: of_ground(roll, needs, now) });
+    nodes.push(Node { node: "ground".to_owned(), checks: of_ground(view, needs, now) });
     nodes
 }
 
-/// Tells whether a run may begin.
+/// Returns whether a run may begin.
 pub fn is_go(nodes: &[Node]) -> bool {
     // The ground station alone is no swarm.
     nodes.len() > 1 && nodes.iter().flat_map(|node| &node.checks).all(|check| check.light != Light::NoGo)
-}
-
-/// Gives the checks as a table, what refuses in capitals.
-pub fn text(nodes: &[Node]) -> String {
-    let rows: Vec<Vec<String>> = nodes
-        .iter()
-        .flat_map(|node| node.checks.iter().map(|check| (&node.node, check)))
-        .map(|(node, check)| {
-            let light = match check.light {
-                Light::Go => "go",
-                Light::Unknown => "not known",
-                Light::NoGo => "NO-GO",
-            };
-            vec![node.clone(), check.what.to_owned(), light.to_owned(), check.found.clone()]
-        })
-        .collect();
-    let verdict = match (is_go(nodes), nodes.len()) {
-        (true, _) => "GO",
-        (false, 0 | 1) => "NO-GO: no vehicle was heard, and none was named",
-        (false, _) => "NO-GO",
-    };
-    format!("{}{verdict}\n", table(&["node", "check", "", "found"], &rows))
-}
-
-/// Gives the checks as one object.
-pub fn json(nodes: &[Node]) -> Value {
-    json!({"go": is_go(nodes), "nodes": nodes})
 }
 
 fn check(what: &'static str, is_right: bool, found: String) -> Check {
@@ -124,65 +95,70 @@ fn check(what: &'static str, is_right: bool, found: String) -> Check {
 }
 
 /// Checks what was said; what was not said is `silent`.
-fn said<T>(what: &'static str, said: Option<T>, silent: Light, look: impl Fn(T) -> (bool, String)) -> Check {
-    match said {
+fn reported<T>(
+    what: &'static str,
+    value: Option<T>,
+    silent: Light,
+    look: impl Fn(T) -> (bool, String),
+) -> Check {
+    match value {
         None => Check { what, light: silent, found: "not reported".to_owned() },
-        Some(said) => {
-            let (is_right, found) = look(said);
+        Some(value) => {
+            let (is_right, found) = look(value);
             check(what, is_right, found)
         }
     }
 }
 
-fn of_vehicle(id: VehicleId, seen: &Seen, needs: &Needs, now: Time) -> Vec<Check> {
-    let state = seen.state.as_ref().map(|state| &state.said);
-    let health = seen.health.as_ref().map(|health| &health.said);
-    let hello = seen.hello.as_ref().map(|hello| &hello.said);
+fn of_vehicle(id: VehicleId, seen: &VehicleView, needs: &Needs, now: Time) -> Vec<Check> {
+    let state = seen.state.as_ref().map(|state| &state.value);
+    let health = seen.health.as_ref().map(|health| &health.value);
+    let hello = seen.hello.as_ref().map(|hello| &hello.value);
     let age_s = seen.state.as_ref().map(|state| state.age(now));
-    let on_bus = said("bus", age_s, Light::NoGo, |age| {
+    let on_bus = reported("bus", age_s, Light::NoGo, |age| {
         (age < FRESH, format!("newest state {:.1} s ago", age.as_secs_f64()))
     });
     let no_go = Light::NoGo;
     let mut checks = vec![on_bus];
     checks.extend(of_hello(hello, needs));
-    checks.push(said("pose", state, no_go, |state| pose(state, needs)));
-    checks.push(said("fence", state, no_go, |state| {
+    checks.push(reported("pose", state, no_go, |state| pose(state, needs)));
+    checks.push(reported("fence", state, no_go, |state| {
         let at = Point::from(state.pose.at);
         (needs.fence.contains(at), format!("at {:.2}, {:.2} m", at.x_m, at.y_m))
     }));
-    checks.push(said("home", state, no_go, |state| home(id, state, &needs.homes)));
-    checks.push(said("battery", state, no_go, |state| {
+    checks.push(reported("home", state, no_go, |state| home(id, state, &needs.homes)));
+    checks.push(reported("battery", state, no_go, |state| {
         (state.battery > BATTERY, format!("{:.0} %, over {:.0} % needed", state.battery * 1e2, BATTERY * 1e2))
     }));
-    checks.push(said("mode", state, no_go, |state| {
-        (!matches!(state.mode, Mode::Held | Mode::Emergency), status::mode(state.mode).to_owned())
+    checks.push(reported("mode", state, no_go, |state| {
+        (!matches!(state.mode, Mode::Held | Mode::Emergency), names::mode(state.mode).to_owned())
     }));
-    checks.push(said("radio", health, no_go, |health| radio(id, health, needs)));
-    checks.push(said("disk", health.and_then(|health| health.disk_free_mb), Light::Unknown, |free_mb| {
+    checks.push(reported("radio", health, no_go, |health| radio(id, health, needs)));
+    checks.push(reported("disk", health.and_then(|health| health.disk_free_mb), Light::Unknown, |free_mb| {
         (free_mb > DISK_MB, format!("{free_mb} MB free, over {DISK_MB} MB needed"))
     }));
-    checks.push(said("samples", health, no_go, |health| {
+    checks.push(reported("samples", health, no_go, |health| {
         (
             health.samples_lost == 0,
             format!("{} lost, {} waiting", health.samples_lost, health.samples_waiting),
         )
     }));
-    checks.push(said("troubles", health, no_go, |health| {
-        (health.troubles.is_empty(), status::troubles(&health.troubles))
+    checks.push(reported("troubles", health, no_go, |health| {
+        (health.troubles.is_empty(), names::troubles(&health.troubles))
     }));
     checks.push(failsafes(hello));
     checks
 }
 
 fn of_hello(hello: Option<&Hello>, needs: &Needs) -> [Check; 2] {
-    let software = said("software", hello, Light::NoGo, |hello| {
+    let software = reported("software", hello, Light::NoGo, |hello| {
         let found = match hello.software == needs.software {
             true => hello.software.clone(),
             false => format!("{}, here it is {}", hello.software, needs.software),
         };
         (hello.software == needs.software, found)
     });
-    let venue = said("venue", hello, Light::NoGo, |hello| {
+    let venue = reported("venue", hello, Light::NoGo, |hello| {
         let (theirs, ours) = (hello.venue_hash, needs.venue_hash);
         let found = match theirs == ours {
             true => format!("hash {ours:016x}"),
@@ -230,42 +206,42 @@ fn failsafes(hello: Option<&Hello>) -> Check {
     };
     let (set, unset) = (named("failsafe:"), named("no-failsafe:"));
     match (set.is_empty(), unset.is_empty()) {
-        (true, true) => said("failsafes", None::<()>, Light::Unknown, |()| (true, String::new())),
+        (true, true) => reported("failsafes", None::<()>, Light::Unknown, |()| (true, String::new())),
         (_, true) => check("failsafes", true, listed(&set)),
         (_, false) => check("failsafes", false, format!("off: {}", listed(&unset))),
     }
 }
 
-fn of_ground(roll: &Roll, needs: &Needs, now: Time) -> Vec<Check> {
-    let report = roll.ground(now).map(|report| &report.said);
+fn of_ground(view: &FleetView, needs: &Needs, now: Time) -> Vec<Check> {
+    let report = view.ground(now).map(|report| &report.value);
     let no_go = Light::NoGo;
-    let live = roll.grounds().filter(|report| report.age(now) <= super::roll::GROUND_LIVES).count();
+    let live = view.grounds().filter(|report| report.age(now) <= GROUND_LIVES).count();
     let mut checks = vec![check("bus", live == 1, format!("{live} live ground stations"))];
-    checks.extend(of_hello(roll.ground_hello().map(|hello| &hello.said), needs));
+    checks.extend(of_hello(view.ground_hello().map(|hello| &hello.value), needs));
     let lease = |report: &Report| {
         let Lease { number, holder } = report.lease;
-        let highest = roll.lease(now);
+        let highest = view.lease(now);
         let found = match report.lease == highest {
             true => format!("{number} ({holder:016x})"),
             false => format!("{number}, but vehicles obey {} ({:016x})", highest.number, highest.holder),
         };
         (number > 0 && report.lease == highest, found)
     };
-    checks.push(said("lease", report, no_go, lease));
-    checks.push(said("phase", report, no_go, |report| {
+    checks.push(reported("lease", report, no_go, lease));
+    checks.push(reported("phase", report, no_go, |report| {
         let is_free = matches!(report.phase, StationPhase::Idle | StationPhase::Waiting);
-        (is_free, status::phase(report.phase).to_owned())
+        (is_free, names::phase(report.phase).to_owned())
     }));
-    checks.push(said("standing", report, no_go, |report| {
-        (report.standing.is_none(), report.standing.map_or("nothing", status::kind_name).to_owned())
+    checks.push(reported("standing", report, no_go, |report| {
+        (report.standing.is_none(), report.standing.map_or("nothing", names::kind_name).to_owned())
     }));
-    checks.push(said("vehicles", report, no_go, |report| {
+    checks.push(reported("vehicles", report, no_go, |report| {
         let unknown: Vec<VehicleId> =
             needs.vehicles.iter().copied().filter(|id| !report.members.contains(id)).collect();
         (unknown.is_empty(), format!("plans for {}, not for {}", listed(&report.members), listed(&unknown)))
     }));
-    checks.push(said("store", report, no_go, |report| {
-        (report.troubles.is_empty(), format!("troubles: {}", status::troubles(&report.troubles)))
+    checks.push(reported("store", report, no_go, |report| {
+        (report.troubles.is_empty(), format!("troubles: {}", names::troubles(&report.troubles)))
     }));
     checks
 }

@@ -1,24 +1,18 @@
-//! An operator's tool on the bus: the shell around the door's pure parts. What is heard waits in a bounded queue; when the
-//! tool cannot keep up the newest is dropped and counted. While it listens it greets, so that nodes of another venue
-//! answer and the tool learns that they are.
+//! An operator's part of the bus. What is heard waits in a bounded queue; when the operator cannot keep up the newest is
+//! dropped and counted. It says nothing by itself.
 
-use std::cell::Cell;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, sync_channel};
 use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
-use tomoswarm_proto::{Hello, Message};
-
-use super::super::bus::{Bus, BusError, BusSettings, Heard, Mouth};
-use super::super::clock::Clock;
-use super::super::mailbox::Troubles;
+use super::bus::{Bus, BusError, BusSettings, Heard, Mouth};
+use super::clock::Clock;
+use super::mailbox::Troubles;
 use crate::time::Time;
 
 /// Messages that may wait to be read.
 const WAITING: usize = 8192;
-/// Once it is linked it greets this often.
-const GREETS_EVERY: Duration = Duration::from_secs(2);
 
 /// A tool's part of the bus.
 pub struct Session {
@@ -30,16 +24,14 @@ pub struct Session {
     began_utc_s: f64,
     troubles: Troubles,
     dropped: Arc<AtomicU64>,
-    own: Hello,
-    greeted: Cell<Option<Time>>,
 }
 
 impl Session {
-    /// Joins the bus; `own` is how the tool greets.
+    /// Joins the bus.
     ///
     /// # Errors
     /// The settings cannot be used, or it cannot listen.
-    pub fn open(settings: BusSettings, own: Hello) -> Result<Session, BusError> {
+    pub fn open(settings: BusSettings) -> Result<Session, BusError> {
         let (clock, troubles, dropped) = (Clock::start(), Troubles::default(), Arc::new(AtomicU64::new(0)));
         let began_utc_s = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default().as_secs_f64();
         let (say, heard) = sync_channel(WAITING);
@@ -52,8 +44,7 @@ impl Session {
         let bus = Bus::open(settings, clock, troubles.clone(), hear)?;
         let mouth = bus.mouth();
         mouth.speak();
-        let (own, greeted) = (Hello { is_member: true, ..own }, Cell::new(None));
-        Ok(Session { bus, mouth, heard, clock, began_utc_s, troubles, dropped, own, greeted })
+        Ok(Session { bus, mouth, heard, clock, began_utc_s, troubles, dropped })
     }
 
     /// Gives the time since the tool joined.
@@ -66,9 +57,8 @@ impl Session {
         self.began_utc_s + at.as_secs_f64()
     }
 
-    /// Waits for the next message until a moment; greets when it is time.
+    /// Waits for the next message until a moment.
     pub fn hear(&self, until: Time) -> Option<(Time, Heard)> {
-        self.greet();
         let wait = until.since(self.now());
         match self.heard.recv_timeout(wait) {
             Ok(heard) => Some(heard),
@@ -78,16 +68,6 @@ impl Session {
                 std::thread::sleep(wait.min(Duration::from_millis(50)));
                 None
             }
-        }
-    }
-
-    fn greet(&self) {
-        let now = self.now();
-        let is_due = self.greeted.get().is_none_or(|at| now.since(at) >= GREETS_EVERY);
-        if is_due && self.is_linked() {
-            self.greeted.set(Some(now));
-            let member_for_s = u32::try_from(now.since(Time::ZERO).as_secs()).unwrap_or(u32::MAX);
-            self.mouth.publish(&Message::Hello(Hello { member_for_s, ..self.own.clone() }));
         }
     }
 

@@ -7,7 +7,7 @@ use serde_json::{Value, json};
 use tomoswarm_proto::codec::Greeting;
 use tomoswarm_proto::{Message, Sender, VehicleId};
 
-use super::super::bus::Heard;
+use super::bus::Heard;
 use crate::exchange::table::{Kind, WORDS};
 
 /// Kinds of messages as they are named on the command line and in the lines.
@@ -109,8 +109,8 @@ fn thousandths(seconds_s: f64) -> f64 {
 
 #[cfg(test)]
 mod tests {
-    use super::super::tests_support::{heard, report, state};
     use super::*;
+    use crate::operator::tests_support::{heard, report, state};
     use tomoswarm_proto::{Boot, LayerId, Order, OrderKind, Report, TILE_CELLS, TileAddress, TileReport};
 
     fn line(tapping: &Tapping, message: Message) -> Option<Value> {
