@@ -18,10 +18,11 @@
 //! Deadlines: `repeat progress`, `the dwell at the stop ends`, `path ready`, `search again`.
 
 mod autonomy;
-mod errand;
-mod look;
+mod kind;
+mod look_around;
 mod pilot;
 mod returning;
+mod runner;
 mod skipping;
 mod way;
 mod words;
@@ -33,9 +34,9 @@ use serde::{Deserialize, Serialize};
 use tomoswarm_proto::{Lease, Order, OrderKind, Plan, Progress, Revision, RunId, State, StopId, VehicleId};
 
 use self::autonomy::Links;
-use self::errand::{Errand, Scene};
 use self::pilot::{Met, Pilot};
 use self::returning::Line;
+use self::runner::{Scene, StepRunner};
 use super::Settings;
 use super::ages::Ages;
 use super::peers::{Peer, Peers};
@@ -46,8 +47,7 @@ use crate::sweep::{Follower, Verdict, WaitsFor};
 use crate::time::{Deadline, Time};
 
 pub use autonomy::Cause;
-pub use errand::End;
-pub use words::{In, Key, Out, Remark, Standing};
+pub use words::{End, In, Key, Out, Remark, Standing};
 
 /// Progress is repeated this often.
 const REPEAT_EVERY: Duration = Duration::from_secs(1);
@@ -83,7 +83,7 @@ pub struct Mission {
     follower: Option<Follower>,
     pilot: Pilot,
     /// What it does when the ground station does not plan for it.
-    errand: Option<Errand>,
+    runner: Option<StepRunner>,
     wanted: Wanted,
     line: Line,
     /// Why it wants that, unless it was ordered.
@@ -115,7 +115,7 @@ impl Mission {
         let repeat_at = Time::ZERO + REPEAT_EVERY + Duration::from_millis(53) * u32::from(settings.vehicle.0);
         Mission {
             pilot: Pilot::new(settings.clone()),
-            errand: Errand::of(&settings),
+            runner: StepRunner::of(&settings),
             peers: Peers::new(settings.vehicle),
             settings,
             state: None,
@@ -169,8 +169,8 @@ impl Mission {
     }
 
     fn follow(&mut self, now: Time, out: &mut Vec<Out>) {
-        if self.errand.is_some() {
-            return self.run_errand(now, out);
+        if self.runner.is_some() {
+            return self.run_steps(now, out);
         }
         if self.is_off_plan {
             return self.stay();
@@ -191,11 +191,11 @@ impl Mission {
         }
     }
 
-    fn run_errand(&mut self, now: Time, out: &mut Vec<Out>) {
+    fn run_steps(&mut self, now: Time, out: &mut Vec<Out>) {
         let met = self.advance(now, out);
-        let (Some(state), Some(errand)) = (&self.state, &mut self.errand) else { return };
+        let (Some(state), Some(runner)) = (&self.state, &mut self.runner) else { return };
         let mut scene = Scene { now, state, pilot: &mut self.pilot, peers: &self.peers, out };
-        errand.go_on(&mut scene, &met);
+        runner.go_on(&mut scene, &met);
         // What was chosen just now is begun at once.
         self.advance(now, out);
     }
@@ -349,8 +349,8 @@ impl Mission {
     }
 
     fn stop(&mut self, now: Time, out: &mut Vec<Out>) {
-        if let Some(errand) = &mut self.errand {
-            errand.interrupt(now);
+        if let Some(runner) = &mut self.runner {
+            runner.interrupt(now);
         }
         self.pilot.halted(now);
         out.push(Out::Command(now, Command::Hold));
@@ -404,9 +404,9 @@ impl Mission {
     fn pilot_deadline(&self) -> Option<Deadline> {
         match self.wanted {
             _ if self.links.is_alone => None,
-            Wanted::Following if self.errand.is_some() => {
-                let errand = self.errand.as_ref().and_then(Errand::deadline);
-                Deadline::earlier(errand, self.pilot.deadline())
+            Wanted::Following if self.runner.is_some() => {
+                let steps = self.runner.as_ref().and_then(StepRunner::deadline);
+                Deadline::earlier(steps, self.pilot.deadline())
             }
             Wanted::Following if self.is_off_plan => None,
             Wanted::Following | Wanted::Returning { under_way: true, .. } => self.pilot.deadline(),
@@ -432,8 +432,8 @@ impl Actor for Mission {
             In::Peer(state) => self.peers.take(now, &state),
             In::Tile(tile) => {
                 self.pilot.learn(&tile);
-                if let Some(errand) = &mut self.errand {
-                    errand.learn(&tile);
+                if let Some(runner) = &mut self.runner {
+                    runner.learn(&tile);
                 }
             }
             In::Plan(plan) => self.plan(now, &plan, out),

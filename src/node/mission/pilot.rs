@@ -20,7 +20,7 @@ use tomoswarm_proto::{Mode, State, StopId, TileReport};
 
 use super::super::Settings;
 use super::super::vehicle::{Bump, Command};
-use super::look::{Look, Next};
+use super::look_around::{LookAround, Next};
 use super::way::Way;
 use crate::geom::{Angle, Point, Pose, Rect, Segment};
 use crate::map::{CellRect, Merged};
@@ -78,7 +78,7 @@ pub enum Met {
 #[derive(Clone, Debug, Serialize, Deserialize)]
 enum Doing {
     Driving,
-    Looking(Look),
+    Looking(LookAround),
     /// A path search that takes its time: the corners, and how many corners of the way they replace.
     Planning {
         ready: Time,
@@ -474,7 +474,7 @@ impl Pilot {
     /// Begins to look around, first in a direction.
     fn look_around(&mut self, now: Time, toward: Angle, at: Point, met: &mut Vec<Met>) -> Command {
         met.push(Met::Looks(at));
-        let look = Look::toward(toward, now);
+        let look = LookAround::toward(toward, now);
         self.doing = Doing::Looking(look);
         self.commanded_at = now;
         Command::Turn(look.heading())

@@ -7,7 +7,6 @@ use tomoswarm_proto::{
 };
 
 use super::autonomy::Cause;
-use super::errand::End;
 use crate::actor::{Class, Input};
 use crate::geom::Point;
 use crate::node::peers::join_states;
@@ -105,6 +104,19 @@ pub enum Remark {
     BusBack,
     /// It does something that nobody has ordered.
     Decides(Cause, Standing),
+}
+
+/// How a mission ended.
+#[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
+pub enum End {
+    /// Everything was done.
+    Done,
+    /// It stopped in front of something.
+    Stopped(Point),
+    /// No way leads to so many of its places: all that can be reached was searched. The others were visited.
+    NoWay(usize),
+    /// So many of its places were given up although a way may lead there, or its peers never made room.
+    GaveUp(usize),
 }
 
 /// What a vehicle does, as a whole.
