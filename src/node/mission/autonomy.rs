@@ -15,7 +15,7 @@ use std::time::Duration;
 use tomoswarm_proto::{Plan, Sender, VehicleId};
 
 use super::returning::Line;
-use super::{Mission, Out, Remark, Standing, Wanted};
+use super::{Mission, MissionStatus, Out, Remark, Wanted};
 use crate::node::peers::SILENT_AFTER;
 use crate::time::Time;
 
@@ -131,7 +131,7 @@ impl Mission {
     fn decide(&mut self, now: Time, wanted: Wanted, cause: Cause, out: &mut Vec<Out>) {
         (self.wanted, self.own, self.line) = (wanted, Some(cause), Line::default());
         self.stop(now, out);
-        out.push(Out::Remark(Remark::Decides(cause, self.standing())));
+        out.push(Out::Remark(Remark::Decides(cause, self.status())));
     }
 
     /// A newer plan of its own takes a vehicle back that acts on its own since it had lost the bus: the ground knows of
@@ -160,14 +160,14 @@ impl Mission {
     }
 
     /// Gives what the vehicle does, for status lines.
-    pub fn standing(&self) -> Standing {
+    pub fn status(&self) -> MissionStatus {
         match self.wanted {
-            _ if self.holds() => Standing::Held,
-            Wanted::Held => Standing::Held,
-            Wanted::Waiting => Standing::Waiting,
-            Wanted::Following => Standing::Following,
-            Wanted::Returning { .. } => Standing::Returning,
-            Wanted::Home => Standing::Home,
+            _ if self.holds() => MissionStatus::Held,
+            Wanted::Held => MissionStatus::Held,
+            Wanted::Waiting => MissionStatus::Waiting,
+            Wanted::Following => MissionStatus::Following,
+            Wanted::Returning { .. } => MissionStatus::Returning,
+            Wanted::Home => MissionStatus::Home,
         }
     }
 }

@@ -20,12 +20,12 @@
 mod autonomy;
 mod kind;
 mod look_around;
+mod messages;
 mod pilot;
 mod returning;
 mod runner;
 mod skipping;
 mod way;
-mod words;
 
 use std::collections::BTreeSet;
 use std::time::Duration;
@@ -47,7 +47,7 @@ use crate::sweep::{Follower, Verdict, WaitsFor};
 use crate::time::{Deadline, Time};
 
 pub use autonomy::Cause;
-pub use words::{End, In, Key, Out, Remark, Standing};
+pub use messages::{End, In, Key, MissionStatus, Out, Remark};
 
 /// Progress is repeated this often.
 const REPEAT_EVERY: Duration = Duration::from_secs(1);

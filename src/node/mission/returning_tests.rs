@@ -137,7 +137,7 @@ impl Ring {
     }
 
     fn is_home(&self) -> bool {
-        self.mission.standing() == Standing::Home
+        self.mission.status() == MissionStatus::Home
     }
 }
 

@@ -103,7 +103,7 @@ pub enum Remark {
     /// Somebody is heard on the bus again.
     BusBack,
     /// It does something that nobody has ordered.
-    Decides(Cause, Standing),
+    Decides(Cause, MissionStatus),
 }
 
 /// How a mission ended.
@@ -121,7 +121,7 @@ pub enum End {
 
 /// What a vehicle does, as a whole.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize)]
-pub enum Standing {
+pub enum MissionStatus {
     /// It waits for a start.
     Waiting,
     /// It follows its plan.
