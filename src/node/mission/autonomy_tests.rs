@@ -2,7 +2,7 @@
 
 use crate::node::radio::Sighting;
 use tomoswarm_proto::Sender;
-use tomoswarm_proto::{Boot, Mode};
+use tomoswarm_proto::{Boot, Mode, Revision};
 
 use super::super::tests_support::{settings, state};
 use super::tests::{at, driven, holds, order, plan, planned, told};
@@ -114,7 +114,7 @@ fn a_newer_plan_alone_takes_a_returning_vehicle_back() {
     assert!(holds(&out), "{out:?}");
     let out = pass(&mut mission, 80..82, 1.0, &[GROUND]);
     assert_eq!((driven(&out), mission.status()), (None, MissionStatus::Following));
-    assert_eq!(mission.said.revision, Revision(3));
+    assert_eq!(mission.plan.progress().revision, Revision(3));
 }
 
 #[test]
@@ -201,11 +201,11 @@ fn plans_of_a_lower_right_and_old_ones_are_not_taken() {
     }
     assert!(edition(&told(&mut mission, 21.0, with(5, 20, 3))), "answers a state of 19 s ago");
     assert!(edition(&told(&mut mission, 21.0, with(5, 900, 4))), "answers a state that was never made");
-    assert_eq!(mission.said.revision, Revision(2));
+    assert_eq!(mission.plan.progress().revision, Revision(2));
     told(&mut mission, 21.0, with(5, 200, 5));
-    assert_eq!(mission.said.revision, Revision(5));
+    assert_eq!(mission.plan.progress().revision, Revision(5));
     assert!(edition(&told(&mut mission, 21.0, with(4, 210, 6))), "of a lower right");
-    assert_eq!(mission.said.revision, Revision(5));
+    assert_eq!(mission.plan.progress().revision, Revision(5));
     let mut own = State { sequence: 211, mode: Mode::Idle, ..state(1, 0.0, 0.0) };
     own.ordered.lease = lease(9);
     told(&mut mission, 21.1, In::State(own));
