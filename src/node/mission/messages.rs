@@ -117,6 +117,10 @@ pub enum End {
     NoWay(usize),
     /// So many of its places were given up although a way may lead there, or its peers never made room.
     GaveUp(usize),
+    /// It had no places, and its peers never made room for it to go on.
+    NoRoom,
+    /// It had no places, and its ground is too large to be searched.
+    TooLarge,
 }
 
 /// What a vehicle does, as a whole.

@@ -22,7 +22,7 @@ impl MissionKind for Browse {
     }
 
     fn give_up(&self) -> End {
-        End::Done
+        End::NoRoom
     }
 }
 

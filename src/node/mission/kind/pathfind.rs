@@ -53,7 +53,7 @@ impl MissionKind for Pathfind {
     }
 
     fn give_up(&self) -> End {
-        End::GaveUp(self.places.len())
+        End::GaveUp(self.given_up + self.places.len())
     }
 
     fn pass_over(&mut self, why: PassedOver) {
@@ -117,9 +117,12 @@ mod tests {
     }
 
     #[test]
-    fn who_gives_up_says_how_many_places_were_left() {
+    fn who_gives_up_says_how_many_places_it_has_given_up() {
         let mut pathfind = begun();
         step(&mut pathfind, Seen::Arrived, (2.0, 0.0));
         assert_eq!(pathfind.give_up(), End::GaveUp(1));
+        let mut pathfind = begun();
+        pathfind.pass_over(PassedOver::GivenUp);
+        assert_eq!(pathfind.give_up(), End::GaveUp(2), "one of them was given up before");
     }
 }

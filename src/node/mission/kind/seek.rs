@@ -110,7 +110,7 @@ impl MissionKind for Seek {
     }
 
     fn give_up(&self) -> End {
-        End::GaveUp(0)
+        End::NoRoom
     }
 
     fn tile_changed(&mut self, address: TileAddress) {
@@ -152,7 +152,7 @@ impl Seek {
     /// Chooses the next look, or ends.
     fn choose(&mut self, around: &Surroundings<'_>) -> Step {
         self.stage = Stage::Choosing;
-        let Some(mut grid) = ground(around, &around.claims()) else { return Step::End(End::GaveUp(0)) };
+        let Some(mut grid) = ground(around, &around.claims()) else { return Step::End(End::TooLarge) };
         self.keep_frontiers(around.pilot);
         let candidates = self.rated(around, grid.area());
         for is_narrow in [false, true] {

@@ -3,7 +3,7 @@
 use tomoswarm_proto::{Mode, State};
 
 use super::*;
-use crate::geom::Pose;
+use crate::geom::{Pose, Rect};
 use crate::node::mission::In;
 use crate::node::mission::tests::tiles;
 use crate::node::peers::Peers;
@@ -79,6 +79,16 @@ fn what_stays_unknown_after_some_looks_is_left_and_the_search_ends() {
         assert_eq!(end, End::Done);
         assert!((20..500).contains(&looks), "{looks} looks");
     }
+}
+
+#[test]
+fn what_cannot_be_searched_at_all_is_said() {
+    let mut world = World::new(Preference::NearObjects);
+    let far = Rect::new(Point::new(-9e4, -9e4), Point::new(9e4, 9e4)).polygon();
+    let settings = Settings { fence: far, ..settings(1) };
+    (world.pilot, world.seek) = (Pilot::new(settings.clone()), Seek::new(&settings, Preference::NearObjects));
+    assert_eq!(world.begin(), Step::End(End::TooLarge));
+    assert_eq!(world.seek.give_up(), End::NoRoom, "it has no places to give up");
 }
 
 #[test]
