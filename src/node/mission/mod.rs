@@ -13,6 +13,7 @@
 mod autonomy;
 mod goal;
 mod ground_plan;
+mod home;
 mod kind;
 mod look_around;
 mod messages;
@@ -42,6 +43,7 @@ use crate::sweep::WaitsFor;
 use crate::time::{Deadline, Time};
 
 pub use autonomy::Cause;
+pub use home::{HOME_M, farthest_m as home_farthest_m, is_at_home};
 pub use messages::{End, In, Key, MissionStatus, Out, Remark};
 
 /// Progress is repeated this often.

@@ -5,6 +5,7 @@
 //!   Driving ─release ends at unknown, at rest─► Looking ─seen─► Driving
 //!      │  ▲                                        └─everything looked at─► Planning (unknown counts as barred)
 //!      │  └─────────── path ready ── Planning ◄── release ends at an obstacle
+//!      │                             └─nothing found─► Waiting ─► Looking, Driving
 //!      └─ end of the way reached ─► at rest
 //! ```
 
@@ -36,7 +37,7 @@ const RENEW_M: f64 = 1.0;
 /// A command that leads this much further than is released is shortened, metres.
 const SHORTEN_M: f64 = 0.05;
 /// At rest this near to the end, the end is reached, metres.
-const ARRIVED_M: f64 = 0.35;
+pub const ARRIVED_M: f64 = 0.35;
 /// Between what is released and where the command ends, metres.
 const BACKOFF_M: f64 = 0.02;
 /// After a command that had no effect, wait this long.

@@ -22,6 +22,7 @@ use tomoswarm_proto::{Mode, State, TileReport};
 
 use self::tries::Tries;
 use self::yield_to_peers::{Yield, YieldToPeers, way_aside};
+use super::home::HOME_M;
 use super::kind::{Course, Kind, PassedOver, Seen, Step, Surroundings};
 use super::look_around::{LookAround, Next, dwell};
 use super::pilot::{Met, Pilot};
@@ -38,8 +39,6 @@ const ASK_EVERY: Duration = Duration::from_secs(1);
 const WAIT: Duration = Duration::from_secs(2);
 /// So many waits for peers in a row on the way home, and the return in order is waited for.
 const HOME_WAITS_MAX: u32 = 30;
-/// This near to home is at home, metres.
-const HOME_M: f64 = 0.35;
 
 /// Where the vehicle is going.
 #[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]

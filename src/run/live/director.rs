@@ -11,6 +11,7 @@ use tomoswarm_proto::{Message, Mode, OrderKind, Report, RunId, Sender, State, Ve
 use crate::geom::Point;
 use crate::ground::imager::Subject;
 use crate::ground::station::Note;
+use crate::node::mission;
 use crate::run::bus::Heard;
 use crate::run::door::ordering::{Fate, Ordering, Outcome as Ordered, Wish};
 use crate::run::door::roll::Roll;
@@ -36,8 +37,6 @@ const LOOK: Duration = Duration::from_millis(500);
 const WAIT: Duration = Duration::from_millis(100);
 /// Messages taken before orders are looked after again.
 const AT_ONCE: usize = 1000;
-/// A vehicle this near to its home, and at rest, is home, metres.
-const HOME_M: f64 = 1.0;
 
 /// How it stands.
 #[derive(Clone, PartialEq, Eq, Debug)]
@@ -400,7 +399,7 @@ impl Director {
     fn look_for_home(&mut self, now: Time) -> Going {
         let is_new = |(id, home): (&VehicleId, &Point)| {
             let state = &self.roll.state(*id)?.said;
-            (!self.home.contains(id) && is_at_home(state, *home)).then_some(*id)
+            (!self.home.contains(id) && has_come_home(state, *home)).then_some(*id)
         };
         let new: Vec<VehicleId> = self.homes.iter().filter_map(is_new).collect();
         for id in new {
@@ -416,11 +415,10 @@ impl Director {
     }
 }
 
-fn is_at_home(state: &State, home: Point) -> bool {
-    let at = Point::from(state.pose.at);
+fn has_come_home(state: &State, home: Point) -> bool {
     let is_returning = state.ordered.kind == Some(OrderKind::Return);
     let rests = state.leg.is_none() && matches!(state.mode, Mode::Idle | Mode::Held);
-    is_returning && rests && at.distance_to(home) <= HOME_M
+    is_returning && rests && mission::is_at_home(state.pose.into(), home)
 }
 
 fn mode_name(mode: Mode) -> &'static str {
