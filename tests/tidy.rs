@@ -23,7 +23,7 @@ fn may_use(module: &str) -> Option<Vec<&'static str>> {
         "node" => joined(&[L0, L1, &["actor"]]),
         "ground" => joined(&[L0, L1, &["actor", "node"]]),
         "exchange" => joined(&[L0]),
-        "operator" => joined(&[L0, L1, &["actor", "exchange"]]),
+        "operator" => joined(&[L0, L1, &["actor", "exchange", "node"]]),
         "sim" => joined(&[L0, L1, L2]),
         "store" => joined(&[L0, L1, L2]),
         "run" => joined(&[L0, L1, L2, &["sim", "store"]]),

@@ -9,12 +9,11 @@ use tomoswarm_proto::codec::{Greeting, VERSION};
 use tomoswarm_proto::{Boot, Health, Hello, Lease, Message, Progress, Report, Sender, State, VehicleId};
 
 use super::Heard;
+use crate::sweep::LOWER_BOOT_AFTER;
 use crate::time::Time;
 
 /// A ground station whose report is older than this is not live.
 pub const GROUND_LIVES: Duration = Duration::from_secs(5);
-/// What is known of a boot gives way to a lower one after this much silence: a new disk counts from the start.
-const BOOT_FORGOTTEN: Duration = Duration::from_secs(3);
 /// Ground stations kept at most.
 const GROUNDS: usize = 8;
 
@@ -193,7 +192,7 @@ impl FleetView {
 /// Puts what was said in the place of what is older.
 fn renew<T: Clone>(known: &mut Option<Fresh<T>>, now: Time, said: &T, edition: fn(&T) -> (Boot, u64)) {
     let is_older =
-        |known: &Fresh<T>| edition(said) < edition(&known.value) && known.age(now) <= BOOT_FORGOTTEN;
+        |known: &Fresh<T>| edition(said) < edition(&known.value) && known.age(now) <= LOWER_BOOT_AFTER;
     if !known.as_ref().is_some_and(is_older) {
         *known = Some(Fresh { at: now, value: said.clone() });
     }
@@ -224,7 +223,7 @@ mod tests {
         hear(&mut view, 0.0, Message::State(State { boot: Boot(9), ..state(3) }));
         hear(&mut view, 1.0, Message::State(State { boot: Boot(1), ..state(3) }));
         assert_eq!(view.state(VehicleId(3)).unwrap().value.boot, Boot(9));
-        hear(&mut view, 3.1, Message::State(State { boot: Boot(1), ..state(3) }));
+        hear(&mut view, 30.1, Message::State(State { boot: Boot(1), ..state(3) }));
         assert_eq!(view.state(VehicleId(3)).unwrap().value.boot, Boot(1));
     }
 

@@ -10,6 +10,7 @@ use tomoswarm_proto::{Health, Hello, Lease, Mode, Report, State, StationPhase, V
 use super::fleet_view::{FleetView, GROUND_LIVES, VehicleView};
 use super::names::{self, listed};
 use crate::geom::{Point, Polygon};
+use crate::node::mission;
 use crate::time::Time;
 
 /// A vehicle whose state is older is not fresh.
@@ -18,8 +19,6 @@ const FRESH: Duration = Duration::from_secs(1);
 const BATTERY: f64 = 0.5;
 /// Room that a vehicle must have for its data, MB.
 const DISK_MB: u32 = 200;
-/// A vehicle begins within this distance of its home, metres.
-const HOME_M: f64 = 2.0;
 /// The pose deviation that is allowed where no file says it, metres.
 pub const POSE_SD_MAX_M: f64 = 0.5;
 
@@ -179,8 +178,9 @@ fn home(id: VehicleId, state: &State, homes: &[Point]) -> (bool, String) {
     let Some(home) = usize::from(id.0).checked_sub(1).and_then(|index| homes.get(index)) else {
         return (false, format!("the venue has no home of vehicle {id}"));
     };
+    let (pose, most_m) = (state.pose.into(), mission::home_farthest_m(state.pose.into()));
     let away_m = home.distance_to(state.pose.at.into());
-    (away_m <= HOME_M, format!("{away_m:.2} m away, at most {HOME_M:.0} m"))
+    (mission::is_at_home(pose, *home), format!("{away_m:.2} m away, at most {most_m:.2} m"))
 }
 
 fn radio(id: VehicleId, health: &Health, needs: &Needs) -> (bool, String) {

@@ -17,10 +17,8 @@ use super::fleet_view::FleetView;
 use super::status::Expected;
 use super::want::Want;
 use crate::geom::Point;
+use crate::node::mission;
 use crate::time::Time;
-
-/// A vehicle that was sent home is there when it rests this near to its home, metres.
-const HOME_M: f64 = 1.0;
 
 /// What is waited for.
 #[derive(Clone, PartialEq, Debug)]
@@ -231,5 +229,5 @@ fn away(homes: &BTreeMap<VehicleId, Point>, view: &FleetView) -> BTreeSet<Vehicl
 pub fn is_at_home(state: &State, home: Point) -> bool {
     let is_returning = state.ordered.kind == Some(OrderKind::Return);
     let rests = state.leg.is_none() && matches!(state.mode, Mode::Idle | Mode::Held);
-    is_returning && rests && Point::from(state.pose.at).distance_to(home) <= HOME_M
+    is_returning && rests && mission::is_at_home(state.pose.into(), home)
 }

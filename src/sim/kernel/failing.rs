@@ -3,7 +3,7 @@
 use tomoswarm_proto::{Boot, VehicleId};
 
 use super::{Alarm, Kernel};
-use crate::node::mission::Standing;
+use crate::node::mission::MissionStatus;
 use crate::node::vehicle::Fly;
 use crate::sim::faults::Turn;
 
@@ -49,14 +49,14 @@ impl Kernel {
     /// Gives how many vehicles are alive, how many of them are home, and how many stand and stay.
     pub(super) fn muster(&self) -> (usize, usize, usize) {
         let alive = || (0..self.vehicles.len()).filter(|index| !self.is_dead[*index]);
-        let count = |wanted: Standing| {
+        let count = |wanted: MissionStatus| {
             let is_so = |index: &usize| {
                 // Who has come home may still roll a hand's breadth.
                 let rests = self.outside.world().truth(*index, self.now).speed_mps == 0.0;
-                (rests || wanted == Standing::Home) && self.vehicles[*index].mission().standing() == wanted
+                (rests || wanted == MissionStatus::Home) && self.vehicles[*index].mission().status() == wanted
             };
             alive().filter(is_so).count()
         };
-        (alive().count(), count(Standing::Home), count(Standing::Held))
+        (alive().count(), count(MissionStatus::Home), count(MissionStatus::Held))
     }
 }

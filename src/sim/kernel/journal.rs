@@ -50,8 +50,8 @@ impl Kernel {
         self.status.now = self.now;
         let one = |vehicle: usize| {
             let (state, node) = (self.outside.world().truth(vehicle, self.now), &self.vehicles[vehicle]);
-            let standing = (!self.is_dead[vehicle]).then(|| node.mission().standing());
-            ShownVehicle { id: node.id(), at: state.at, heading: state.heading, standing }
+            let status = (!self.is_dead[vehicle]).then(|| node.mission().status());
+            ShownVehicle { id: node.id(), at: state.at, heading: state.heading, status }
         };
         let vehicles = (0..self.vehicles.len()).map(one).collect();
         Shown { status: self.status, map: self.ground.station().map(), vehicles }

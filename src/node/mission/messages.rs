@@ -7,7 +7,6 @@ use tomoswarm_proto::{
 };
 
 use super::autonomy::Cause;
-use super::errand::End;
 use crate::actor::{Class, Input};
 use crate::geom::Point;
 use crate::node::peers::join_states;
@@ -104,12 +103,29 @@ pub enum Remark {
     /// Somebody is heard on the bus again.
     BusBack,
     /// It does something that nobody has ordered.
-    Decides(Cause, Standing),
+    Decides(Cause, MissionStatus),
+}
+
+/// How a mission ended.
+#[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
+pub enum End {
+    /// Everything was done.
+    Done,
+    /// It stopped in front of something.
+    Stopped(Point),
+    /// No way leads to so many of its places: all that can be reached was searched. The others were visited.
+    NoWay(usize),
+    /// So many of its places were given up although a way may lead there, or its peers never made room.
+    GaveUp(usize),
+    /// It had no places, and its peers never made room for it to go on.
+    NoRoom,
+    /// It had no places, and its ground is too large to be searched.
+    TooLarge,
 }
 
 /// What a vehicle does, as a whole.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize)]
-pub enum Standing {
+pub enum MissionStatus {
     /// It waits for a start.
     Waiting,
     /// It follows its plan.

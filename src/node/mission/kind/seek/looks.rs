@@ -41,12 +41,12 @@ impl Looks {
         }
     }
 
-    /// Tells whether a cell was looked at often enough.
+    /// Returns whether a cell was looked at often enough.
     pub fn is_spent(&self, cell: Cell) -> bool {
         self.of(cell).len() >= LOOKS_MAX
     }
 
-    /// Tells whether a look at a cell from a place would tell something new.
+    /// Returns whether a look at a cell from a place would tell something new.
     pub fn is_new(&self, cell: Cell, from: Point) -> bool {
         self.of(cell).iter().all(|place| place.distance_to(from) >= APART_M)
     }

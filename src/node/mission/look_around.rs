@@ -6,6 +6,7 @@ use std::time::Duration;
 use serde::{Deserialize, Serialize};
 
 use crate::geom::Angle;
+use crate::node::LookSettings;
 use crate::time::Time;
 
 /// Turns tried after the one toward what is unknown, degrees.
@@ -15,9 +16,14 @@ const REACHED_RAD: f64 = 0.1;
 /// A turn that is not obeyed is given up after this long.
 const TURN_MAX: Duration = Duration::from_secs(12);
 
+/// Returns how long a look takes once its heading is reached: every beam twice.
+pub fn dwell(look: &LookSettings) -> Duration {
+    2 * look.cycle() + look.period
+}
+
 /// One look around.
 #[derive(Clone, Copy, Debug, Serialize, Deserialize)]
-pub struct Look {
+pub struct LookAround {
     toward: Angle,
     turn: usize,
     turns: usize,
@@ -36,23 +42,23 @@ pub enum Next {
     Over,
 }
 
-impl Look {
+impl LookAround {
     /// Begins with the heading toward what is unknown.
-    pub fn toward(angle: Angle, now: Time) -> Look {
-        Look { toward: angle, turn: 0, turns: OFFSETS_DEG.len(), since: now, seen_from: None }
+    pub fn toward(angle: Angle, now: Time) -> LookAround {
+        LookAround { toward: angle, turn: 0, turns: OFFSETS_DEG.len(), since: now, seen_from: None }
     }
 
     /// Looks along one heading only.
-    pub fn once(angle: Angle, now: Time) -> Look {
-        Look { turns: 1, ..Look::toward(angle, now) }
+    pub fn once(angle: Angle, now: Time) -> LookAround {
+        LookAround { turns: 1, ..LookAround::toward(angle, now) }
     }
 
-    /// Gives the heading that it began with.
+    /// Returns the heading that it began with.
     pub fn toward_heading(&self) -> Angle {
         self.toward
     }
 
-    /// Gives the heading looked at now.
+    /// Returns the heading looked at now.
     pub fn heading(&self) -> Angle {
         self.toward + Angle::from_degrees(OFFSETS_DEG[self.turn.min(OFFSETS_DEG.len() - 1)])
     }
@@ -80,7 +86,7 @@ mod tests {
 
     #[test]
     fn all_headings_are_looked_at_and_then_it_is_over() {
-        let mut look = Look::toward(Angle::from_degrees(90.0), Time::ZERO);
+        let mut look = LookAround::toward(Angle::from_degrees(90.0), Time::ZERO);
         let dwell = Duration::from_millis(600);
         let (mut heading, mut turns, mut tick) = (look.heading(), 0, 0u32);
         loop {
@@ -101,7 +107,7 @@ mod tests {
 
     #[test]
     fn a_turn_that_is_not_obeyed_is_given_up() {
-        let mut look = Look::toward(Angle::default(), Time::ZERO);
+        let mut look = LookAround::toward(Angle::default(), Time::ZERO);
         let away = Angle::from_degrees(170.0);
         let late = Time::from_secs_f64(13.0);
         assert!(matches!(look.next(late, away, true, Duration::ZERO), Next::Turn(_)));
