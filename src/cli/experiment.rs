@@ -151,8 +151,8 @@ impl ExperimentArgs {
 ///
 /// # Errors
 /// Everything that is wrong, and where.
-pub(super) fn check(config: &Path) -> Result<(), CliError> {
-    Grid::load(config)?.check()
+pub(super) fn check(config: &Path, text: &str) -> Result<(), CliError> {
+    Grid::read(config, text.to_owned())?.check()
 }
 
 fn cores() -> usize {

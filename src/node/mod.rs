@@ -24,5 +24,5 @@ mod vehicle_node;
 
 pub use acted::Acted;
 pub use route::{Effect, Event};
-pub use settings::{BodySettings, LookSettings, RadioSettings, SafetySettings, Settings, Task};
+pub use settings::{BodySettings, LookSettings, RadioSettings, Settings, Task};
 pub use vehicle_node::VehicleNode;

@@ -188,7 +188,7 @@ mod tests {
 
     fn sensor() -> Sensor {
         let settings = super::super::tests_support::settings(1);
-        Sensor::new(settings.look, settings.safety.pose_sd_max_m)
+        Sensor::new(settings.look, settings.swarm.pose_sd_max_m)
     }
 
     fn told(sensor: &mut Sensor, now: Time, input: In) -> Vec<Out> {
@@ -245,7 +245,7 @@ mod tests {
         let mut settings = super::super::tests_support::settings(1);
         settings.look.beams = [0.0, 180.0, 20.0].map(Angle::from_degrees).to_vec();
         settings.look.mounts = Mounts::new(vec![servo(0.0, 45.0), servo(180.0, 0.0)]);
-        let mut sensor = Sensor::new(settings.look.clone(), settings.safety.pose_sd_max_m);
+        let mut sensor = Sensor::new(settings.look.clone(), settings.swarm.pose_sd_max_m);
         let mut pings = Vec::new();
         let mut steered = Vec::new();
         while pings.len() < 7 {

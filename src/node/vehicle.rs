@@ -183,7 +183,7 @@ impl Vehicle {
 
     /// Who no longer knows where it is does not drive on; said once.
     fn stop_when_lost(&mut self, now: Time, telemetry: Telemetry, out: &mut Vec<Out>) {
-        let is_lost = telemetry.pose.sd_m > self.settings.safety.pose_sd_max_m;
+        let is_lost = telemetry.pose.sd_m > self.settings.swarm.pose_sd_max_m;
         if is_lost && telemetry.motion == Motion::Driving && self.stop_said.is_none() {
             self.stop(now, out);
             out.push(Out::Remark(Remark::Refused(Refusal::PoseUncertain)));

@@ -39,7 +39,7 @@ pub struct VehicleNode {
 impl VehicleNode {
     /// Makes a vehicle that has not heard anything yet.
     pub fn new(settings: &Settings) -> VehicleNode {
-        let sensor = Sensor::new(settings.look.clone(), settings.safety.pose_sd_max_m);
+        let sensor = Sensor::new(settings.look.clone(), settings.swarm.pose_sd_max_m);
         VehicleNode {
             id: settings.vehicle,
             boot: settings.boot,

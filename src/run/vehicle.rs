@@ -132,7 +132,7 @@ pub fn seat_all(
     let own = || settings.clone();
     let (v, s, m, i, r, o) = (own(), own(), own(), own(), own(), own());
     let vehicle = move || Ok(Vehicle::new(v.clone()));
-    let sensor = move || Ok(Sensor::new(s.look.clone(), s.safety.pose_sd_max_m));
+    let sensor = move || Ok(Sensor::new(s.look.clone(), s.swarm.pose_sd_max_m));
     let map = move || Ok(Map::new(m.clone()));
     let mission = move || Ok(Mission::new(i.clone()));
     let radio = move || Ok(Radio::new(r.clone()));

@@ -105,7 +105,7 @@ impl Director {
         let sim = scenario.sim();
         let homes = sim.vehicle_ids().filter_map(|id| Some((id, sim.home(id)?))).collect();
         Ok(Director {
-            until: session.now() + sim.until,
+            until: session.now() + sim.until(),
             session,
             control,
             store_path,
