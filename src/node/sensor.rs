@@ -7,7 +7,7 @@
 //! since the reflex must see it all the same.
 //!
 //! ```text
-//!   Pointing ─settled─► Listening ─echo or next period─► Pointing (next beam)
+//!   Pointing ─settled─► Listening ─next period─► Pointing (next beam), or Listening where no time is needed to settle
 //! ```
 //!
 //! Deadlines: `next beam`, `servo settled`.
@@ -108,6 +108,12 @@ impl Sensor {
         Sensor { look, place, beam: 0, phase, pings: 0, last_m, pointing }
     }
 
+    fn ping(&mut self, now: Time, next: Time, out: &mut Vec<Out>) {
+        self.pings += 1;
+        self.phase = Phase::Listening { next: next.max(now + Duration::from_nanos(1)) };
+        out.push(Out::Ping(Ping { number: self.pings }));
+    }
+
     fn echo(&mut self, now: Time, echo: Echo, out: &mut Vec<Out>) {
         if echo.number != self.pings {
             return; // a late answer to an earlier ping
@@ -157,14 +163,15 @@ impl Actor for Sensor {
                 let beam = self.look.beams[self.beam];
                 let turns = self.pointing.steer(now.since(Time::ZERO), beam);
                 let next = now + self.look.period + turns;
-                self.phase = Phase::Pointing { settled: now + turns + self.look.settle, next };
+                let settled = now + turns + self.look.settle;
                 out.push(Out::Steer(beam));
+                if settled > now {
+                    self.phase = Phase::Pointing { settled, next };
+                } else {
+                    self.ping(now, next, out);
+                }
             }
-            Phase::Pointing { next, .. } => {
-                self.pings += 1;
-                self.phase = Phase::Listening { next: next.max(now + Duration::from_nanos(1)) };
-                out.push(Out::Ping(Ping { number: self.pings }));
-            }
+            Phase::Pointing { next, .. } => self.ping(now, next, out),
         }
         Ok(())
     }
@@ -223,6 +230,20 @@ mod tests {
         sensor.wake(sensor.deadline().unwrap().at, &mut out).unwrap();
         assert!(matches!(out[..], [Out::Steer(_)]));
         assert_eq!(sensor.deadline().unwrap().at, Time::from_secs_f64(0.15));
+    }
+
+    #[test]
+    fn a_servo_that_needs_no_time_pings_at_once_and_no_wake_is_in_vain() {
+        let mut settings = super::super::tests_support::settings(1);
+        settings.look.settle = Duration::ZERO;
+        let mut sensor = Sensor::new(settings.look.clone(), settings.swarm.pose_sd_max_m);
+        for number in 1..=7 {
+            let mut out = Vec::new();
+            let due = sensor.deadline().unwrap().at;
+            sensor.wake(due, &mut out).unwrap();
+            assert!(matches!(out[..], [Out::Steer(_), Out::Ping(ping)] if ping.number == number), "{out:?}");
+            assert_eq!(sensor.deadline().unwrap().at, due + settings.look.period);
+        }
     }
 
     #[test]
