@@ -52,7 +52,6 @@ pub enum Shape {
 /// Bad files, a folder that cannot be written, a mission that failed.
 pub fn run(args: &SimArgs, out: &mut dyn Write) -> Result<(), CliError> {
     let loaded = args.loaded()?;
-    let venue = loaded.venue_text.clone();
     let scenario = load::scenario(loaded, args.config.as_deref(), args.seed)?;
     if scenario.sim().expect != Expect::Finished {
         let refused = "a mission that is to fail (expect) is for virtual time; it cannot be run live";
@@ -70,7 +69,7 @@ pub fn run(args: &SimArgs, out: &mut dyn Write) -> Result<(), CliError> {
     let started = started();
     let live = folder.live()?;
     let outcome = {
-        let mut swarm = Swarm::start(args, &scenario, seed, &venue, &live)?;
+        let mut swarm = Swarm::start(args, &scenario, seed, &live)?;
         let failure = swarm.play(&stop, started);
         swarm.end(&scenario, failure)?
     };
@@ -86,13 +85,7 @@ struct Swarm {
 
 impl Swarm {
     /// Writes the files, and starts the processes.
-    fn start(
-        args: &SimArgs,
-        scenario: &Scenario,
-        seed: u64,
-        venue: &str,
-        folder: &Path,
-    ) -> Result<Swarm, CliError> {
+    fn start(args: &SimArgs, scenario: &Scenario, seed: u64, folder: &Path) -> Result<Swarm, CliError> {
         let sim = scenario.sim();
         let fault = |source: std::io::Error| CliError::Fault(source.to_string());
         let mut processes = Processes::new(folder);
@@ -113,8 +106,8 @@ impl Swarm {
             vehicle_ports: ports,
         };
         let empty: Option<RunId> = sim.empty_sweep.then_some(EMPTY_RUN);
-        write(folder, VENUE, venue)?;
-        write(folder, OPERATOR, &places.operator())?;
+        write(folder, VENUE, &places.venue(sim))?;
+        write(folder, OPERATOR, &places.operator(sim))?;
         write(folder, GROUND, &places.ground(sim, empty))?;
         let mut ground = own_program("ground")?;
         ground.arg(folder.join(GROUND));

@@ -6,7 +6,6 @@
 mod answer;
 pub mod check;
 mod describe;
-mod describe_nodes;
 #[cfg(feature = "net")]
 pub mod enroll;
 #[cfg(feature = "net")]

@@ -23,6 +23,6 @@ mod vehicle_node;
 pub mod wiring;
 
 pub use route::{Effect, Event};
-pub use settings::{BodySettings, LookSettings, RadioSettings, SafetySettings, Settings, Task};
+pub use settings::{BodySettings, LookSettings, RadioSettings, Settings, Task};
 pub use vehicle_node::VehicleNode;
 pub use wiring::VehicleWiring;

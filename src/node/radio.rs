@@ -115,7 +115,7 @@ impl Radio {
         let slot_at = Time::ZERO + settings.radio.slot * (1 + u32::from(settings.vehicle.0));
         let progress = Progress { vehicle: settings.vehicle, ..Progress::default() };
         Radio {
-            place: Place::unknown(settings.safety.pose_sd_max_m),
+            place: Place::unknown(settings.swarm.pose_sd_max_m),
             settings,
             progress,
             measures: None,
@@ -222,7 +222,7 @@ impl Radio {
             let receiver_then = between(last_receiver, receiver_pose, along);
             self.say(now, run, beacon, transmitter_pose, receiver_then, None, out);
         }
-        if beacon.pose.sd_m <= self.settings.safety.pose_sd_max_m {
+        if beacon.pose.sd_m <= self.settings.swarm.pose_sd_max_m {
             self.say(now, run, beacon, beacon.pose, receiver_pose, Some(rssi_dbm), out);
         }
     }

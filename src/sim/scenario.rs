@@ -20,7 +20,7 @@ use super::shown::Shown;
 use super::staging;
 use super::world::{Build, Flying, GROUND_CLEARANCE_M, Stage, World};
 use crate::actor::Fault;
-use crate::config::{self, Craft, Expect, Sim};
+use crate::config::{self, Craft, Expect, PlannedFault, PlannedPartition, Sim};
 use crate::geom::Point;
 use crate::ground::imager::Subject;
 use crate::ground::planner::Method;
@@ -121,7 +121,7 @@ impl Scenario {
     /// # Errors
     /// The scene cannot be built.
     pub fn outlines(&self) -> Result<Vec<Outline>, ScenarioError> {
-        Ok(self.scene(&[])?.outlines(self.sim.vehicles.antenna_height_m))
+        Ok(self.scene(&[])?.outlines(self.sim.vehicles.body.antenna_height_m))
     }
 
     /// Gives what stands in the scene, without the persons.
@@ -165,7 +165,7 @@ impl Scenario {
 
     fn stage(&self, persons: &[Person]) -> Result<Stage, SceneError> {
         let scene = self.scene(persons)?;
-        let height_m = self.sim.vehicles.antenna_height_m;
+        let height_m = self.sim.vehicles.body.antenna_height_m;
         let radio = &self.sim.radio;
         let attenuation = Attenuation::new(&scene, height_m, radio.wavelength_m(), radio.object_limit_db);
         Ok(Stage { scene, attenuation })
@@ -203,10 +203,10 @@ impl Scenario {
                 Craft::Rover => 0.0,
                 Craft::Copter => vehicles.flight.altitude_m,
             };
-            let (low_m, high_m) = (low_m + GROUND_CLEARANCE_M, low_m + vehicles.height_m);
+            let (low_m, high_m) = (low_m + GROUND_CLEARANCE_M, low_m + vehicles.body.height_m);
             let clearance_m = structure.clearance_m(home, low_m, high_m);
-            if clearance_m <= vehicles.radius_m {
-                let radius_m = vehicles.radius_m;
+            if clearance_m <= vehicles.body.radius_m {
+                let radius_m = vehicles.body.radius_m;
                 return Err(ScenarioError::StartsInside { vehicle, clearance_m, radius_m });
             }
         }
@@ -251,10 +251,10 @@ impl Scenario {
             bus: Bus::new(noise, self.bus()),
             vehicles: settings.iter().map(VehicleNode::new).collect(),
             settings,
-            faults: Faults::new(sim.faults.clone()),
+            faults: faults(sim),
             ground: self.ground()?,
             script: self.script_with(second),
-            until: Time::ZERO + sim.until,
+            until: Time::ZERO + sim.until(),
             shuffle_ties: self.shuffle_ties,
             shown_every: self.shown_every,
         })
@@ -287,9 +287,9 @@ impl Scenario {
             RadioField::new(noise, radio_constants(&sim.radio)),
             RangeSensor::new(self.range()),
         )
-        .with_mounts(sim.range.mounts.clone())
+        .with_mounts(sim.range.look.mounts())
         .with_flying(self.flying())
-        .with_outages(Faults::new(sim.faults.clone()).outages(), sim.vehicles.gps_growth_mps);
+        .with_outages(faults(sim).outages(), sim.vehicles.gps_growth_mps);
         for vehicle in sim.vehicle_ids() {
             let Some(home) = sim.home(vehicle) else { continue };
             let heading = home.angle_to(sim.venue.area.centre());
@@ -305,35 +305,35 @@ impl Scenario {
             Craft::Copter => Kind::Copter,
         };
         let (altitude_m, climb_mps) = (flight.altitude_m, flight.climb_mps);
-        Flying { kind, altitude_m, climb_mps, wind: flight.wind(self.sim.venue.x_axis_bearing) }
+        Flying { kind, altitude_m, climb_mps, wind: flight.wind(self.sim.venue.x_axis_bearing()) }
     }
 
     fn build(&self) -> Build {
         let vehicles = &self.sim.vehicles;
         Build {
-            radius_m: vehicles.radius_m,
-            height_m: vehicles.height_m,
+            radius_m: vehicles.body.radius_m,
+            height_m: vehicles.body.height_m,
             sensor_m: self.sim.range.height_m,
             limits: Limits {
-                speed_mps: vehicles.max_speed_mps,
-                acceleration_mps2: vehicles.acceleration_mps2,
-                braking_mps2: vehicles.braking_mps2,
-                turn_rate_radps: vehicles.turn_rate_rad_per_s,
+                speed_mps: vehicles.body.max_speed_mps,
+                acceleration_mps2: vehicles.body.acceleration_mps2,
+                braking_mps2: vehicles.body.braking_mps2,
+                turn_rate_radps: vehicles.body.turn_rate_rad_per_s(),
             },
             pose_sd_m: vehicles.pose_sd_m,
             pose_drift: Duration::from_secs_f64(vehicles.pose_correlation_s),
-            endurance_driving: vehicles.endurance_driving,
-            endurance_resting: vehicles.endurance_resting,
+            endurance_driving: vehicles.endurance_driving(),
+            endurance_resting: vehicles.endurance_resting(),
         }
     }
 
     fn range(&self) -> RangeModel {
         let range = &self.sim.range;
         RangeModel {
-            half_angle_rad: range.half_angle_rad,
-            min_m: range.min_range_m,
-            max_m: range.max_range_m,
-            incidence_max_rad: range.incidence_limit_rad,
+            half_angle_rad: range.look.half_angle_rad(),
+            min_m: range.look.min_range_m,
+            max_m: range.look.max_range_m,
+            incidence_max_rad: range.incidence_limit_rad(),
             sd_m: range.noise_sd_m,
             lobe: match range.lobe {
                 config::Lobe::Beam => Lobe::Beam,
@@ -347,13 +347,18 @@ impl Scenario {
 
     fn bus(&self) -> BusModel {
         let bus = &self.sim.bus;
-        let faults = Faults::new(self.sim.faults.clone());
+        let faults = faults(&self.sim);
         BusModel {
-            delay: bus.delay,
-            jitter: bus.jitter,
+            delay: bus.delay(),
+            jitter: bus.jitter(),
             drop_share: bus.drop_share,
             duplicate_share: bus.duplicate_share,
-            partitions: bus.partitions.iter().cloned().chain(faults.partitions()).collect(),
+            partitions: bus
+                .partitions
+                .iter()
+                .map(PlannedPartition::partition)
+                .chain(faults.partitions())
+                .collect(),
         }
     }
 
@@ -368,7 +373,7 @@ impl Scenario {
         from_config::image_settings(
             &self.sim.imaging,
             self.sim.venue.area,
-            self.sim.radio.sensitivity_dbm,
+            self.sim.radio.reception.sensitivity_dbm,
             subject,
         )
     }
@@ -446,6 +451,11 @@ impl From<SceneError> for RunError {
     }
 }
 
+/// Returns the faults of a simulation.
+fn faults(sim: &Sim) -> Faults {
+    Faults::new(sim.faults.iter().map(PlannedFault::fault).collect())
+}
+
 fn radio_constants(radio: &config::Radio) -> RadioConstants {
     RadioConstants {
         p0_dbm: radio.p0_dbm,
@@ -453,7 +463,7 @@ fn radio_constants(radio: &config::Radio) -> RadioConstants {
         wavelength_m: radio.wavelength_m(),
         rician_k: radio.rician_k,
         packet_sd_db: radio.packet_sd_db,
-        sensitivity_dbm: radio.sensitivity_dbm,
+        sensitivity_dbm: radio.reception.sensitivity_dbm,
         slope_db: radio.sensitivity_slope_db,
     }
 }
@@ -472,7 +482,7 @@ mod tests {
         );
         let sim = config::read_sim("configs/a.toml", &text, None, &mut |path| bundled::load(path)).unwrap();
         let field = RadioField::new(Noise::new(1), radio_constants(&sim.radio));
-        let (channel, power_dbm) = (sim.radio.channel, sim.radio.power_dbm);
+        let (channel, power_dbm) = (sim.venue.swarm.channel(), sim.radio.own.power_dbm);
         let packet =
             Transmission { from: Point::new(0.0, 0.0), to: Point::new(1.0, 0.0), channel, power_dbm };
         field.mean_dbm(&packet, 0.0)

@@ -354,7 +354,7 @@ impl Swarm {
         let ids: Vec<String> = (1..=self.size.vehicles).map(|id| id.to_string()).collect();
         let positions = self.positions();
         format!(
-            "kind = \"ground\"\nvenue = \"venue.toml\"\nvehicles = [{}]\nstate_dir = \"{state_dir}\"\nlost_after_s = 8\n[sweep]\npositions = {positions}\nlaps = {}\n{bus}",
+            "kind = \"ground\"\nvenue = \"venue.toml\"\nvehicles = [{}]\nstate_dir = \"{state_dir}\"\n[sweep]\npositions = {positions}\nlaps = {}\n{bus}",
             ids.join(", "),
             self.size.laps
         )
@@ -602,6 +602,8 @@ homes_m = [[-1.5, -1.5], [7.5, -1.5], [7.5, 7.5], [-1.5, 7.5]]
 [datum]
 latitude_deg = 52.0
 longitude_deg = 4.0
+[swarm]
+lost_after_s = 8
 ";
 const SCENE: &str = "kind = \"scene\"
 name = \"small\"

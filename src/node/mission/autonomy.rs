@@ -89,7 +89,7 @@ impl Mission {
                 self.stop(now, out);
             }
         }
-        let is_bus_lost = bus_for > self.settings.safety.autonomy;
+        let is_bus_lost = bus_for > self.settings.swarm.autonomy();
         if is_bus_lost != self.links.is_bus_lost {
             self.links.is_bus_lost = is_bus_lost;
             out.push(Out::Remark(if is_bus_lost { Remark::BusLost } else { Remark::BusBack }));

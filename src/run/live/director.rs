@@ -111,7 +111,7 @@ impl Director {
         let sim = scenario.sim();
         let homes = sim.vehicle_ids().filter_map(|id| Some((id, sim.home(id)?))).collect();
         Ok(Director {
-            until: operator.now() + sim.until,
+            until: operator.now() + sim.until(),
             operator,
             control,
             store_path,
