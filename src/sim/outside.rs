@@ -10,7 +10,7 @@ use tomoswarm_proto::{Beacon, VehicleId};
 
 use super::air::{Air, Fate};
 use super::noise::{Noise, Purpose};
-use super::world::{Collision, Stage, Touch, World};
+use super::world::{Collision, PredictedContact, Stage, World};
 use crate::geom::Angle;
 use crate::node::sensor::Echo;
 use crate::node::vehicle::{Fly, Telemetry};
@@ -43,7 +43,7 @@ pub enum Later {
         number: u64,
     },
     /// Bodies touch, unless their motion changes before.
-    Touch(Touch),
+    Contact(PredictedContact),
 }
 
 /// What has happened.
@@ -96,7 +96,7 @@ impl Outside {
     }
 
     /// Changes what stands in the world; contacts that were foreseen are void, these hold.
-    pub fn set_stage(&mut self, stage: Stage, now: Time) -> Vec<Touch> {
+    pub fn set_stage(&mut self, stage: Stage, now: Time) -> Vec<PredictedContact> {
         self.world.set_stage(stage, now)
     }
 
@@ -106,7 +106,7 @@ impl Outside {
     }
 
     /// Gives the contacts that follow from what autopilots did by themselves; to be asked after their telemetry.
-    pub fn foreseen(&mut self) -> Vec<Touch> {
+    pub fn foreseen(&mut self) -> Vec<PredictedContact> {
         self.world.foreseen()
     }
 
@@ -116,7 +116,7 @@ impl Outside {
     }
 
     /// Lets the autopilot of a vehicle obey; gives the contacts that its new motion leads to.
-    pub fn fly(&mut self, vehicle: usize, now: Time, fly: &Fly) -> Vec<Touch> {
+    pub fn fly(&mut self, vehicle: usize, now: Time, fly: &Fly) -> Vec<PredictedContact> {
         self.world.fly(vehicle, now, fly)
     }
 
@@ -145,7 +145,7 @@ impl Outside {
         match later {
             Later::Echo { vehicle, echo } => Happened::Echo { vehicle, echo },
             Later::AirEnds { number } => self.end_of_beacon(now, number),
-            Later::Touch(touch) => self.world.touch(&touch).map_or(Happened::Nothing, Happened::Collision),
+            Later::Contact(touch) => self.world.touch(&touch).map_or(Happened::Nothing, Happened::Collision),
         }
     }
 

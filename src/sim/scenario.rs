@@ -8,11 +8,12 @@ use super::autopilot::Kind;
 use super::body::Limits;
 use super::bus::{Bus, BusModel};
 use super::entry::Entry;
+use super::environment::{Environment, TRACK_EVERY};
 use super::faults::Faults;
 use super::kernel::{Kernel, Parts, Recording};
 use super::noise::{Noise, Purpose};
 use super::outcome::{Outcome, Recorder};
-use super::outside::{Outside, TRACK_EVERY, first_telemetry};
+use super::outside::{Outside, first_telemetry};
 use super::radio_field::{RadioConstants, RadioField};
 use super::range::{Lobe, RangeModel, RangeSensor};
 use super::script::{EMPTY_RUN, RUN, Script};
@@ -137,7 +138,7 @@ impl Scenario {
     /// # Errors
     /// The scene cannot be built.
     pub fn script(&self) -> Result<Script, ScenarioError> {
-        let (_, second) = self.outside()?;
+        let (_, second) = self.world()?;
         Ok(self.script_with(second))
     }
 
@@ -241,13 +242,13 @@ impl Scenario {
 
     fn parts(&self) -> Result<Parts, ScenarioError> {
         let (sim, noise) = (&self.sim, self.noise);
-        let (world, second) = self.world()?;
+        let (environment, second) = self.environment()?;
         let start = |vehicle| Some((vehicle, sim.home(vehicle)?));
         let told = |(vehicle, home)| NodeSettings::from_config(sim, vehicle, Boot(1), home);
         let settings: Vec<NodeSettings> = sim.vehicle_ids().filter_map(start).map(told).collect();
         Ok(Parts {
             noise,
-            world,
+            environment,
             bus: Bus::new(noise, self.bus()),
             vehicles: settings.iter().map(VehicleNode::new).collect(),
             settings,
@@ -260,8 +261,18 @@ impl Scenario {
         })
     }
 
-    /// Makes the world as a run begins, with all vehicles at home, and what stands there once the persons have
+    /// Makes the environment as a run begins, with all vehicles at home, and what stands there once the persons have
     /// entered (`None` when they are in it from the beginning).
+    ///
+    /// # Errors
+    /// The scene cannot be built, or a vehicle cannot be put into it.
+    pub fn environment(&self) -> Result<(Environment, Option<Stage>), ScenarioError> {
+        let (world, second) = self.world()?;
+        let (faults, ties) = (Faults::new(self.sim.faults.clone()), self.shuffle_ties.then_some(self.noise));
+        Ok((Environment::new(world, self.noise, faults, ties), second))
+    }
+
+    /// Makes the same world for a caller with a queue of its own.
     ///
     /// # Errors
     /// The scene cannot be built, or a vehicle cannot be put into it.
@@ -397,7 +408,7 @@ impl Scenario {
     }
 
     fn outcome(&self, kernel: Kernel) -> Result<Outcome, ScenarioError> {
-        let (mut record, outside, ground, bus, simulated, separation_m) = kernel.into_parts();
+        let (mut record, environment, ground, bus, simulated, separation_m) = kernel.into_parts();
         let station = ground.station();
         let outlines = self.outlines()?;
         let unmet = self.unmet(&record);
@@ -409,8 +420,8 @@ impl Scenario {
             home: record.home,
             held: record.held,
             simulated,
-            collisions: outside.world().collisions().to_vec(),
-            fence_breaches: outside.world().fence_breaches(),
+            collisions: environment.world().collisions().to_vec(),
+            fence_breaches: environment.world().fence_breaches(),
             min_separation_m: separation_m.is_finite().then_some(separation_m),
             samples: station.samples().count(RUN),
             links: station.samples().links(RUN),

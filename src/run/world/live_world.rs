@@ -16,7 +16,7 @@ use crate::run::link::{
 };
 use crate::sim::outside::{Happened, Later, Outside, TELEMETRY_EVERY, TRACK_EVERY};
 use crate::sim::queue::EventQueue;
-use crate::sim::{Collision, Scenario, ScenarioError, Stage, Touch};
+use crate::sim::{Collision, PredictedContact, Scenario, ScenarioError, Stage};
 use crate::time::Time;
 
 /// An autopilot that has had no word of its companion for so long brakes and stands.
@@ -38,7 +38,7 @@ pub struct LiveWorld {
     seats: Vec<Seat>,
     queue: EventQueue<Due>,
     /// Contacts that the present motion leads to.
-    touches: Vec<Touch>,
+    touches: Vec<PredictedContact>,
     /// What is counted; the rest is filled in when it is asked for.
     status: Status,
 }
@@ -116,7 +116,7 @@ impl LiveWorld {
             let due = self.touches.iter().position(|touch| touch.at <= self.now);
             if let Some(index) = due {
                 let touch = self.touches.swap_remove(index);
-                self.happen(Later::Touch(touch), said);
+                self.happen(Later::Contact(touch), said);
             } else if let Some((at, due)) = self.queue.pop() {
                 self.come(at, due, now, said);
             }
@@ -276,7 +276,7 @@ impl LiveWorld {
     pub fn enter(&mut self) {
         if let Some(stage) = self.waiting.take() {
             let touches = self.outside.set_stage(stage, self.now);
-            let is_sound = |touch: &Touch| !self.seats[touch.one.0].is_wrecked;
+            let is_sound = |touch: &PredictedContact| !self.seats[touch.one.0].is_wrecked;
             self.touches = touches.into_iter().filter(is_sound).collect();
         }
     }

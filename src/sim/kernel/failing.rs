@@ -5,6 +5,7 @@ use tomoswarm_proto::{Boot, VehicleId};
 use super::{Alarm, Kernel};
 use crate::node::mission::Standing;
 use crate::node::vehicle::Fly;
+use crate::sim::environment::DeviceCommand;
 use crate::sim::faults::Turn;
 
 impl Kernel {
@@ -12,11 +13,6 @@ impl Kernel {
         match turn {
             Turn::Ends(vehicle) => self.die(vehicle),
             Turn::Starts(vehicle) => self.restart(vehicle),
-            Turn::Charge(vehicle, charge) => {
-                let Some(index) = self.index_of(vehicle) else { return };
-                self.log(&format!("vehicle {vehicle}"), format_args!("has a charge of {charge}"));
-                self.outside.charge(index, self.now, charge);
-            }
         }
     }
 
@@ -30,8 +26,7 @@ impl Kernel {
         self.log(&format!("vehicle {vehicle}"), format_args!("its software ends"));
         self.is_dead[index] = true;
         self.alarms[index] = Alarm { at: None, generation: self.alarms[index].generation + 1 };
-        let touches = self.outside.fly(index, self.now, &Fly::Stop);
-        self.foresee(touches);
+        self.command(index, DeviceCommand::Fly(Fly::Stop));
     }
 
     /// Starts a vehicle's software anew, with what its disk holds.
@@ -52,7 +47,7 @@ impl Kernel {
         let count = |wanted: Standing| {
             let is_so = |index: &usize| {
                 // Who has come home may still roll a hand's breadth.
-                let rests = self.outside.world().truth(*index, self.now).speed_mps == 0.0;
+                let rests = self.environment.world().truth(*index, self.now).speed_mps == 0.0;
                 (rests || wanted == Standing::Home) && self.vehicles[*index].mission().standing() == wanted
             };
             alive().filter(is_so).count()
