@@ -5,7 +5,7 @@
 //!                         └──────Scan (reflex stop)────────────────────────► vehicle
 //!  autopilot driver ─Telemetry─► vehicle ──State──► sensor, mission, radio, bus
 //!  map ──Tiles──► bus                      bus ──peers' Tiles, Digest, Want──► map
-//!  radio driver ─Heard─► radio ──Keep──► disk ──Kept──► outbox ──Samples──► bus
+//!  radio driver ─Heard, Unsent─► radio ──Keep──► disk ──Kept──► outbox ──Samples──► bus
 //!                                        disk ◄─Forget, Recall─ outbox      bus ──Have──► outbox
 //!  bus ──Plan, peers' State and Progress──► mission ──Progress──► radio (in beacons), bus
 //!  radio ──what peers' beacons tell──► mission, vehicle      bus ──whoever is heard──► mission
@@ -26,6 +26,8 @@ pub enum Event {
     Echo(sensor::Echo),
     /// The radio driver heard a beacon.
     Heard(radio::Heard),
+    /// The radio driver has not sent the beacon of this sequence: it never went on the air.
+    Unsent(u64),
     /// The bus delivered a message of another node.
     Bus(Message),
     /// A sample is kept: it will be told again when it is recalled, also after a restart.
@@ -111,6 +113,7 @@ pub(crate) fn route(said: Said, to: &mut Vec<To>) {
         Said::Edge(Event::Telemetry(telemetry)) => to.push(To::Vehicle(vehicle::In::Telemetry(telemetry))),
         Said::Edge(Event::Echo(echo)) => to.push(To::Sensor(sensor::In::Echo(echo))),
         Said::Edge(Event::Heard(heard)) => to.push(To::Radio(radio::In::Heard(heard))),
+        Said::Edge(Event::Unsent(sequence)) => to.push(To::Radio(radio::In::Unsent(sequence))),
         Said::Edge(Event::Bus(message)) => route_message(message, to),
         Said::Edge(Event::Kept(boot, run, sample)) => {
             to.push(To::Outbox(outbox::In::Kept((boot, run, sample))));
