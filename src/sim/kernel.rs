@@ -13,6 +13,8 @@ mod recorded;
 #[cfg(test)]
 mod rig;
 mod scripted;
+#[cfg(test)]
+mod tests;
 
 use std::sync::Arc;
 use std::time::Duration;
@@ -90,6 +92,8 @@ pub(super) struct Parts {
     pub script: Script,
     pub until: Time,
     pub shuffle_ties: bool,
+    /// The first contact ends the run.
+    pub ends_at_contact: bool,
     /// How often the run shows itself, virtual time.
     pub shown_every: Duration,
 }
@@ -109,6 +113,7 @@ pub(super) struct Kernel {
     alarms: Vec<Alarm>,
     script: Script,
     until: Time,
+    ends_at_contact: bool,
     shows: Shows,
     record: Recorder,
     status: Status,
@@ -137,6 +142,7 @@ impl Kernel {
             alarms: vec![Alarm::default(); count + 1],
             script: parts.script,
             until: parts.until,
+            ends_at_contact: parts.ends_at_contact,
             shows: Shows::every(parts.shown_every),
             record: Recorder::new(&ids),
             status: Status { now: Time::ZERO, laps_done: 0, laps: 0, samples: 0 },
@@ -152,7 +158,8 @@ impl Kernel {
     fn prime(&mut self) {
         let mut said = Vec::new();
         self.environment.begin(&mut said);
-        self.schedule(said);
+        self.schedule(&mut said);
+        (0..self.vehicles.len()).for_each(|vehicle| self.environment.attach(self.now, vehicle));
         let (after, first) = self.script.first();
         self.queue.push(Time::ZERO + after, Event::Script(first));
         for (at, turn) in self.faults.turns() {
@@ -201,6 +208,7 @@ impl Kernel {
         self.record.counts.scans = counts.scans;
         self.record.counts.beacons_heard = counts.beacons_heard;
         self.record.counts.collided_beacons = counts.collided_beacons;
+        self.record.counts.dropped_commands = counts.dropped;
         let separation_m = self.environment.min_separation_m(self.now);
         let end = self.ended.unwrap_or(self.now);
         (self.record, self.environment, self.ground, self.bus, end, separation_m)
@@ -296,11 +304,11 @@ impl Kernel {
         match effect {
             // After the end nothing sets out any more; what moves comes to rest.
             node::Effect::Fly(Fly::Drive { .. } | Fly::Turn(_)) if self.ended.is_some() => {}
-            node::Effect::Fly(fly) => self.command(vehicle, DeviceCommand::Fly(fly)),
-            node::Effect::Steer(beam) => self.command(vehicle, DeviceCommand::Steer(beam)),
+            node::Effect::Fly(fly) => return self.command(vehicle, DeviceCommand::Fly(fly)),
+            node::Effect::Steer(beam) => return self.command(vehicle, DeviceCommand::Steer(beam)),
             node::Effect::Ping(_) | node::Effect::Transmit(_) if self.ended.is_some() => {}
-            node::Effect::Ping(ping) => self.command(vehicle, DeviceCommand::Ping(ping)),
-            node::Effect::Transmit(beacon) => self.command(vehicle, DeviceCommand::Transmit(beacon)),
+            node::Effect::Ping(ping) => return self.command(vehicle, DeviceCommand::Ping(ping)),
+            node::Effect::Transmit(beacon) => return self.command(vehicle, DeviceCommand::Transmit(beacon)),
             node::Effect::Publish(message) => {
                 self.publish(NodeId::Vehicle(self.vehicles[vehicle].id()), &message);
             }
@@ -319,21 +327,32 @@ impl Kernel {
         None
     }
 
-    /// Lets a device of a vehicle obey. What comes of it comes when its time has come.
-    fn command(&mut self, vehicle: usize, command: DeviceCommand) {
+    /// Lets a device of a vehicle obey; returns what it answers at once. The rest comes when its time has come.
+    fn command(&mut self, vehicle: usize, command: DeviceCommand) -> Option<node::Event> {
         let mut said = std::mem::take(&mut self.world_events);
         self.environment.obey(self.now, vehicle, command, &mut said);
-        self.world_events = self.schedule(said);
+        let unsent = said.iter().find_map(|event| match event {
+            WorldEvent::Unsent { sequence, .. } => Some(node::Event::Unsent(*sequence)),
+            WorldEvent::Scheduled(_)
+            | WorldEvent::Telemetry { .. }
+            | WorldEvent::Echo { .. }
+            | WorldEvent::Heard { .. }
+            | WorldEvent::Contact(_)
+            | WorldEvent::Charged { .. }
+            | WorldEvent::Track(_) => None,
+        });
+        self.schedule(&mut said);
+        self.world_events = said;
+        unsent
     }
 
-    /// Queues the moments at which the environment wants to be woken; returns the list, empty.
-    fn schedule(&mut self, mut said: Vec<WorldEvent>) -> Vec<WorldEvent> {
+    /// Queues the moments at which the environment wants to be woken; the list is empty then.
+    fn schedule(&mut self, said: &mut Vec<WorldEvent>) {
         for event in said.drain(..) {
             if let WorldEvent::Scheduled(at) = event {
                 self.queue.push(at, Event::Environment);
             }
         }
-        said
     }
 
     /// Lets happen what is due in the environment, and tells those who notice.
@@ -356,10 +375,13 @@ impl Kernel {
             }
             WorldEvent::Echo { vehicle, echo } => self.tell(vehicle, node::Event::Echo(echo))?,
             WorldEvent::Heard { frame, receivers } => self.hear(&frame, &receivers)?,
+            WorldEvent::Unsent { vehicle, sequence } => self.tell(vehicle, node::Event::Unsent(sequence))?,
             WorldEvent::Contact(collision) => {
                 self.log_collision(&collision);
                 self.record.failure.get_or_insert(collision.in_words());
-                self.end();
+                if self.ends_at_contact {
+                    self.end();
+                }
             }
             WorldEvent::Charged { vehicle, charge } => {
                 let who = format!("vehicle {}", self.vehicles[vehicle].id());

@@ -87,6 +87,9 @@ pub struct Scenario {
     ring: Ring,
     /// Events of one moment come in an order drawn by the seed, to find what depends on it.
     pub shuffle_ties: bool,
+    /// The first contact of a body ends the run; otherwise those that have touched stay where they are, and the others go
+    /// on. Either way the run has failed.
+    pub ends_at_contact: bool,
     /// How often a run shows itself to who watches it, virtual time; once a second by itself.
     pub shown_every: Duration,
 }
@@ -100,7 +103,16 @@ impl Scenario {
         let noise = Noise::new(seed);
         let ring = Ring::new(sim.venue.area, sim.sweep.positions)?;
         let (persons, shown_every) = (Vec::new(), TRACK_EVERY);
-        let mut scenario = Scenario { sim, shapes, noise, persons, ring, shuffle_ties: false, shown_every };
+        let mut scenario = Scenario {
+            sim,
+            shapes,
+            noise,
+            persons,
+            ring,
+            shuffle_ties: false,
+            ends_at_contact: true,
+            shown_every,
+        };
         let structure = scenario.scene(&[])?;
         scenario.persons = scenario.place_persons(&structure)?;
         scenario.check_starts(&structure)?;
@@ -240,7 +252,7 @@ impl Scenario {
         Ok(self.outcome(kernel)?)
     }
 
-    fn parts(&self) -> Result<Parts, ScenarioError> {
+    pub(super) fn parts(&self) -> Result<Parts, ScenarioError> {
         let (sim, noise) = (&self.sim, self.noise);
         let (environment, second) = self.environment()?;
         let start = |vehicle| Some((vehicle, sim.home(vehicle)?));
@@ -257,6 +269,7 @@ impl Scenario {
             script: self.script_with(second),
             until: Time::ZERO + sim.until,
             shuffle_ties: self.shuffle_ties,
+            ends_at_contact: self.ends_at_contact,
             shown_every: self.shown_every,
         })
     }

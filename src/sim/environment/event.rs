@@ -36,6 +36,8 @@ pub(super) enum PendingEvent {
     Echo { vehicle: usize, echo: Echo },
     /// A beacon has been sent to its end.
     AirEnds { number: u64 },
+    /// The companion of a vehicle may have been silent for too long.
+    Silence { vehicle: usize },
     /// The battery of a vehicle has a charge at once, 0 to 1.
     Charge { vehicle: VehicleId, charge: f64 },
 }
@@ -68,7 +70,14 @@ pub enum WorldEvent {
         /// By which vehicles, and how strongly, dBm.
         receivers: Vec<(usize, i16)>,
     },
-    /// Bodies have touched.
+    /// The radio of a vehicle has not sent a beacon: it was speaking, or the beacon is none that it could send.
+    Unsent {
+        /// Of which vehicle.
+        vehicle: usize,
+        /// The beacon's sequence.
+        sequence: u64,
+    },
+    /// Bodies have touched; they stay where they are.
     Contact(Collision),
     /// A battery has a charge at once, by a fault.
     Charged {
@@ -90,4 +99,6 @@ pub struct DeviceCounts {
     pub beacons_heard: u64,
     /// Beacons lost because two spoke at once.
     pub collided_beacons: u64,
+    /// Commands that were dropped: to a device that was busy, to a wreck, or impossible ones.
+    pub dropped: u64,
 }

@@ -11,7 +11,7 @@ use crate::sim::world::tests::{drive, secs, world};
 
 const ONE: VehicleId = VehicleId(1);
 
-/// Rovers at places on the x axis that face along it, with posts of 0.5 m radius ahead (their x, and their two ends).
+/// Rovers at places on the x axis that face along it, their software running, with posts of 0.5 m radius ahead (their x, and their two ends).
 fn environment(posts: &[(f64, f64, f64)], places_m: &[f64], faults: Vec<Fault>) -> Environment {
     let world = world(Kind::Rover, 0.0, posts, places_m);
     begun(world, faults)
@@ -20,6 +20,7 @@ fn environment(posts: &[(f64, f64, f64)], places_m: &[f64], faults: Vec<Fault>) 
 fn begun(world: World, faults: Vec<Fault>) -> Environment {
     let mut environment = Environment::new(world, Noise::new(1), Faults::new(faults), None);
     environment.begin(&mut Vec::new());
+    (0..environment.world().vehicles()).for_each(|vehicle| environment.attach(Time::ZERO, vehicle));
     environment
 }
 
@@ -47,11 +48,17 @@ fn ping(number: u64) -> DeviceCommand {
     DeviceCommand::Ping(Ping { number })
 }
 
-/// Tells a device something; nothing happens at once.
-fn obey(environment: &mut Environment, now_s: f64, vehicle: usize, command: DeviceCommand) {
+/// Tells a device something; gives what comes back at once.
+fn obey(
+    environment: &mut Environment,
+    now_s: f64,
+    vehicle: usize,
+    command: DeviceCommand,
+) -> Vec<WorldEvent> {
     let mut said = Vec::new();
     environment.obey(secs(now_s), vehicle, command, &mut said);
-    assert!(said.iter().all(|event| matches!(event, WorldEvent::Scheduled(_))), "{said:?}");
+    said.retain(|event| !matches!(event, WorldEvent::Scheduled(_)));
+    said
 }
 
 /// Lets everything happen up to a moment, event by event.
@@ -111,37 +118,36 @@ fn a_ping_before_the_servo_has_turned_hears_what_it_passes() {
     }
 }
 
+/// Plays a drive against a post, a ping, a beacon and a fault of a battery, either waking the environment at its deadlines
+/// or at what it has scheduled; gives what it says.
+fn play(by_schedule: bool) -> Vec<WorldEvent> {
+    let world = world(Kind::Rover, 0.0, &[(1.5, 0.0, 1.0)], &[0.0, -3.0]);
+    let charge = Faults::new(vec![fault(FaultKind::Battery(0.5), 2.0, 3.0)]);
+    let mut environment = Environment::new(world, Noise::new(1), charge, None);
+    let (mut said, mut fresh, mut scheduled) = (Vec::new(), Vec::new(), Vec::new());
+    (0..2).for_each(|vehicle| environment.attach(Time::ZERO, vehicle));
+    environment.begin(&mut fresh);
+    for (vehicle, command) in [(0, DeviceCommand::Fly(drive(9.0))), (0, ping(1)), (1, beacon(2, 1))] {
+        environment.obey(Time::ZERO, vehicle, command, &mut fresh);
+    }
+    loop {
+        for event in fresh.drain(..) {
+            if let WorldEvent::Scheduled(at) = event { scheduled.push(at) } else { said.push(event) }
+        }
+        scheduled.sort();
+        let due = environment.deadline().map(|due| due.at);
+        let next = if by_schedule { (!scheduled.is_empty()).then(|| scheduled.remove(0)) } else { due };
+        let Some(at) = next.filter(|at| *at <= secs(8.0)) else { return said };
+        environment.wake(at, &mut fresh);
+    }
+}
+
 #[test]
 fn woken_at_what_it_scheduled_it_says_the_same_as_woken_at_its_deadlines() {
-    let play = |by_schedule: bool| {
-        let world = world(Kind::Rover, 0.0, &[(6.0, 0.0, 1.0)], &[0.0, -3.0]);
-        let charge = vec![fault(FaultKind::Battery(0.5), 2.0, 3.0)];
-        let mut environment = Environment::new(world, Noise::new(1), Faults::new(charge), None);
-        let (mut said, mut begun) = (Vec::new(), Vec::new());
-        environment.begin(&mut begun);
-        for (vehicle, command) in [(0, DeviceCommand::Fly(drive(9.0))), (0, ping(1)), (1, beacon(2, 1))] {
-            environment.obey(secs(0.5), vehicle, command, &mut begun);
-        }
-        let mut scheduled = begun;
-        loop {
-            let of =
-                |event: &WorldEvent| if let WorldEvent::Scheduled(at) = event { Some(*at) } else { None };
-            let next = if by_schedule {
-                scheduled.iter().filter_map(of).filter(|at| *at > environment.now).min()
-            } else {
-                environment.deadline().map(|due| due.at)
-            };
-            let Some(at) = next.filter(|at| *at <= secs(8.0)) else { return said };
-            environment.wake(at, &mut scheduled);
-            said.extend(scheduled.iter().filter(|event| of(event).is_none()).cloned());
-            scheduled.retain(|event| of(event).is_some());
-        }
-    };
-    let (by_schedule, by_deadline) = (play(true), play(false));
-    assert_eq!(by_schedule, by_deadline);
-    let kinds = (echoes(&by_deadline).len(), hearers(&by_deadline).len(), contacts(&by_deadline));
-    assert_eq!(kinds, (1, 1, 1));
-    assert!(by_deadline.contains(&WorldEvent::Charged { vehicle: 0, charge: 0.5 }));
+    let said = play(false);
+    assert_eq!(play(true), said);
+    assert_eq!((echoes(&said).len(), hearers(&said).len(), contacts(&said)), (1, 1, 1));
+    assert!(said.contains(&WorldEvent::Charged { vehicle: 0, charge: 0.5 }));
 }
 
 #[test]
@@ -151,8 +157,9 @@ fn a_blind_sensor_and_a_dead_radio_are_silent_and_only_for_as_long_as_they_are()
     let mut at = |now_s: f64| {
         obey(&mut environment, now_s, 0, ping(1));
         obey(&mut environment, now_s, 0, beacon(1, 1));
+        let mut said = wake(&mut environment, now_s + 0.1);
         obey(&mut environment, now_s + 0.1, 1, beacon(2, 1));
-        let said = wake(&mut environment, now_s + 0.4);
+        said.extend(wake(&mut environment, now_s + 0.4));
         (echoes(&said).len(), hearers(&said))
     };
     assert_eq!(at(0.5), (1, vec![1, 0]));
@@ -176,8 +183,114 @@ fn a_long_sleep_is_not_made_up_for() {
 fn a_contact_that_a_newer_command_prevents_does_not_come() {
     let mut environment = environment(&[(5.0, 0.0, 1.0)], &[0.0], Vec::new());
     obey(&mut environment, 0.0, 0, DeviceCommand::Fly(drive(9.0)));
-    let said = wake(&mut environment, 2.0);
-    obey(&mut environment, 2.0, 0, DeviceCommand::Fly(Fly::Stop));
+    let said = wake(&mut environment, 1.5);
+    obey(&mut environment, 1.5, 0, DeviceCommand::Fly(Fly::Stop));
     assert_eq!(contacts(&said) + contacts(&wake(&mut environment, 20.0)), 0);
     assert!(environment.world().truth(0, secs(20.0)).at.distance_to(Point::new(0.0, 0.0)) > 0.5);
+}
+
+#[test]
+fn a_sensor_that_measures_is_not_asked_twice() {
+    let mut environment = environment(&[(3.0, 0.0, 1.0)], &[0.0], Vec::new());
+    (1..=5).for_each(|number| assert_eq!(obey(&mut environment, 0.0, 0, ping(number)), []));
+    assert_eq!(echoes(&wake(&mut environment, 0.5)).len(), 1);
+    assert_eq!((environment.counts().scans, environment.counts().dropped), (1, 4));
+    obey(&mut environment, 0.5, 0, ping(6));
+    assert_eq!(echoes(&wake(&mut environment, 1.0)).len(), 1, "it is free again");
+}
+
+#[test]
+fn a_beacon_while_the_radio_speaks_comes_back_and_the_first_one_is_heard() {
+    let mut environment = environment(&[], &[0.0, -3.0], Vec::new());
+    assert_eq!(obey(&mut environment, 0.0, 0, beacon(1, 7)), []);
+    let unsent = WorldEvent::Unsent { vehicle: 0, sequence: 8 };
+    assert_eq!(obey(&mut environment, 0.0, 0, beacon(1, 8)), [unsent]);
+    assert_eq!(hearers(&wake(&mut environment, 0.1)), [1]);
+    assert_eq!(obey(&mut environment, 0.1, 0, beacon(1, 8)), []);
+    assert_eq!(hearers(&wake(&mut environment, 0.2)), [1]);
+}
+
+#[test]
+fn a_beacon_in_anothers_name_or_for_no_frame_comes_back_and_nobody_hears_it() {
+    let mut environment = environment(&[], &[0.0, -3.0], Vec::new());
+    let unsent = [WorldEvent::Unsent { vehicle: 0, sequence: 3 }];
+    assert_eq!(obey(&mut environment, 0.0, 0, beacon(2, 3)), unsent);
+    let DeviceCommand::Transmit(mut long) = beacon(1, 3) else { panic!("a beacon") };
+    long.members = vec![VehicleId(1); 300_000];
+    assert_eq!(obey(&mut environment, 0.0, 0, DeviceCommand::Transmit(long)), unsent);
+    assert!(hearers(&wake(&mut environment, 0.1)).is_empty());
+}
+
+#[test]
+fn a_dead_radio_does_not_say_that_it_has_not_sent() {
+    let mut environment = environment(&[], &[0.0, -3.0], vec![fault(FaultKind::Radio, 0.0, 1.0)]);
+    (1..=2).for_each(|sequence| assert_eq!(obey(&mut environment, 0.0, 0, beacon(1, sequence)), []));
+    assert!(hearers(&wake(&mut environment, 0.5)).is_empty());
+}
+
+#[test]
+fn an_autopilot_brakes_two_seconds_after_the_last_word_of_its_companion() {
+    for leaves in [false, true] {
+        let mut environment = environment(&[], &[0.0], Vec::new());
+        obey(&mut environment, 0.0, 0, DeviceCommand::Fly(drive(90.0)));
+        wake(&mut environment, 3.0);
+        let stood_m = environment.world().truth(0, secs(9.0)).at.x_m;
+        // 1 m in 2 s, and 0.5 m to brake.
+        assert!((stood_m - 1.5).abs() < 0.02, "a word at the beginning is not enough: {stood_m}");
+        obey(&mut environment, 9.0, 0, DeviceCommand::Fly(drive(90.0)));
+        for half in 1..20 {
+            wake(&mut environment, 9.0 + 0.5 * f64::from(half));
+            obey(&mut environment, 9.0 + 0.5 * f64::from(half), 0, ping(1));
+        }
+        assert_eq!(environment.world().truth(0, secs(18.5)).speed_mps, 1.0, "any word keeps it driving");
+        if leaves {
+            environment.detach(secs(18.5), 0);
+        }
+        wake(&mut environment, 20.4);
+        assert_eq!(environment.world().truth(0, secs(20.4)).speed_mps, 1.0);
+        wake(&mut environment, 22.0);
+        assert_eq!(environment.world().truth(0, secs(22.0)).speed_mps, 0.0);
+    }
+}
+
+#[test]
+fn software_that_does_not_run_is_told_nothing() {
+    let mut environment = environment(&[(3.0, 0.0, 1.0)], &[0.0, -3.0], Vec::new());
+    obey(&mut environment, 0.0, 0, ping(1));
+    obey(&mut environment, 0.0, 1, beacon(2, 1));
+    environment.detach(Time::ZERO, 0);
+    let said = wake(&mut environment, 0.5);
+    let is_told = |event: &WorldEvent| matches!(event, WorldEvent::Telemetry { vehicle: 0, .. });
+    assert!(echoes(&said).is_empty() && hearers(&said).is_empty() && !said.iter().any(is_told));
+    environment.attach(secs(0.5), 0);
+    assert!(wake(&mut environment, 1.0).iter().any(is_told));
+}
+
+#[test]
+fn a_wreck_obeys_no_more_and_others_may_meet_it() {
+    // The first one touches the post; the second one comes from behind.
+    let mut environment = environment(&[(1.5, 0.0, 1.0)], &[0.0, -3.0], Vec::new());
+    obey(&mut environment, 0.0, 0, DeviceCommand::Fly(drive(9.0)));
+    obey(&mut environment, 0.0, 1, DeviceCommand::Fly(drive(0.6)));
+    let mut said = wake(&mut environment, 1.9);
+    assert_eq!(contacts(&said), 1);
+    let place = environment.world().truth(0, secs(1.9)).at;
+    for second in 0..4 {
+        let now_s = 1.9 + f64::from(second);
+        obey(&mut environment, now_s, 0, DeviceCommand::Fly(drive(-9.0)));
+        obey(&mut environment, now_s, 1, ping(1));
+        said.extend(wake(&mut environment, now_s + 1.0));
+    }
+    assert_eq!((contacts(&said), environment.counts().dropped), (2, 4));
+    assert_eq!(environment.world().truth(0, secs(6.0)).at, place);
+}
+
+#[test]
+fn a_flood_of_commands_leaves_nothing_behind() {
+    let mut environment = environment(&[(5.0, 0.0, 1.0)], &[0.0, -3.0], Vec::new());
+    for number in 0..20_000 {
+        obey(&mut environment, 0.0, 0, DeviceCommand::Fly(drive(4.0 + (number % 7) as f64)));
+        obey(&mut environment, 0.0, 0, ping(number));
+    }
+    assert!(environment.pending() < 20, "{} things are to happen", environment.pending());
 }

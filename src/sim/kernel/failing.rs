@@ -4,8 +4,6 @@ use tomoswarm_proto::{Boot, VehicleId};
 
 use super::{Alarm, Kernel};
 use crate::node::mission::Standing;
-use crate::node::vehicle::Fly;
-use crate::sim::environment::DeviceCommand;
 use crate::sim::faults::Turn;
 
 impl Kernel {
@@ -20,13 +18,13 @@ impl Kernel {
         self.vehicles.iter().position(|vehicle| vehicle.id() == id)
     }
 
-    /// Ends a vehicle's software; without it the autopilot brakes.
+    /// Ends a vehicle's software; without it the autopilot brakes after a while.
     fn die(&mut self, vehicle: VehicleId) {
         let Some(index) = self.index_of(vehicle) else { return };
         self.log(&format!("vehicle {vehicle}"), format_args!("its software ends"));
         self.is_dead[index] = true;
         self.alarms[index] = Alarm { at: None, generation: self.alarms[index].generation + 1 };
-        self.command(index, DeviceCommand::Fly(Fly::Stop));
+        self.environment.detach(self.now, index);
     }
 
     /// Starts a vehicle's software anew, with what its disk holds.
@@ -37,6 +35,7 @@ impl Kernel {
         let boot = settings.boot;
         self.vehicles[index].restart(settings);
         self.is_dead[index] = false;
+        self.environment.attach(self.now, index);
         self.log(&format!("vehicle {vehicle}"), format_args!("its software starts, boot {boot}"));
         self.set_alarm(index);
     }

@@ -35,7 +35,7 @@ impl Kernel {
                 if let Some(stage) = stage {
                     let mut said = Vec::new();
                     self.environment.set_stage(self.now, *stage, &mut said);
-                    self.schedule(said);
+                    self.schedule(&mut said);
                 }
                 self.log("scenario", format_args!("the persons enter"));
                 Ok(())
