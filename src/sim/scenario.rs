@@ -13,7 +13,6 @@ use super::faults::Faults;
 use super::kernel::{Kernel, Parts, Recording};
 use super::noise::{Noise, Purpose};
 use super::outcome::{Outcome, Recorder};
-use super::outside::{Outside, first_telemetry};
 use super::radio_field::{RadioConstants, RadioField};
 use super::range::{Lobe, RangeModel, RangeSensor};
 use super::script::{EMPTY_RUN, RUN, Script};
@@ -283,19 +282,6 @@ impl Scenario {
         let (world, second) = self.world()?;
         let (faults, ties) = (Faults::new(self.sim.faults.clone()), self.shuffle_ties.then_some(self.noise));
         Ok((Environment::new(world, self.noise, faults, ties), second))
-    }
-
-    /// Makes the same world for a caller with a queue of its own.
-    ///
-    /// # Errors
-    /// The scene cannot be built, or a vehicle cannot be put into it.
-    pub fn outside(&self) -> Result<(Outside, Option<Stage>), ScenarioError> {
-        self.world().map(|(world, second)| (Outside::new(world), second))
-    }
-
-    /// Gives when the telemetry of a vehicle comes for the first time.
-    pub fn first_telemetry(&self, vehicle: VehicleId) -> Time {
-        first_telemetry(self.noise, vehicle)
     }
 
     fn world(&self) -> Result<(World, Option<Stage>), ScenarioError> {
