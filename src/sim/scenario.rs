@@ -8,11 +8,11 @@ use super::autopilot::Kind;
 use super::body::Limits;
 use super::bus::{Bus, BusModel};
 use super::entry::Entry;
+use super::environment::{Environment, TRACK_EVERY};
 use super::faults::Faults;
 use super::kernel::{Kernel, Parts, Recording};
 use super::noise::{Noise, Purpose};
 use super::outcome::{Outcome, Recorder};
-use super::outside::{Outside, TRACK_EVERY, first_telemetry};
 use super::radio_field::{RadioConstants, RadioField};
 use super::range::{Lobe, RangeModel, RangeSensor};
 use super::script::{EMPTY_RUN, RUN, Script};
@@ -86,6 +86,9 @@ pub struct Scenario {
     ring: Ring,
     /// Events of one moment come in an order drawn by the seed, to find what depends on it.
     pub shuffle_ties: bool,
+    /// The first contact of a body ends the run; otherwise those that have touched stay where they are, and the others go
+    /// on. Either way the run has failed.
+    pub ends_at_contact: bool,
     /// How often a run shows itself to who watches it, virtual time; once a second by itself.
     pub shown_every: Duration,
 }
@@ -99,7 +102,16 @@ impl Scenario {
         let noise = Noise::new(seed);
         let ring = Ring::new(sim.venue.area, sim.sweep.positions)?;
         let (persons, shown_every) = (Vec::new(), TRACK_EVERY);
-        let mut scenario = Scenario { sim, shapes, noise, persons, ring, shuffle_ties: false, shown_every };
+        let mut scenario = Scenario {
+            sim,
+            shapes,
+            noise,
+            persons,
+            ring,
+            shuffle_ties: false,
+            ends_at_contact: true,
+            shown_every,
+        };
         let structure = scenario.scene(&[])?;
         scenario.persons = scenario.place_persons(&structure)?;
         scenario.check_starts(&structure)?;
@@ -137,7 +149,7 @@ impl Scenario {
     /// # Errors
     /// The scene cannot be built.
     pub fn script(&self) -> Result<Script, ScenarioError> {
-        let (_, second) = self.outside()?;
+        let (_, second) = self.world()?;
         Ok(self.script_with(second))
     }
 
@@ -239,15 +251,15 @@ impl Scenario {
         Ok(self.outcome(kernel)?)
     }
 
-    fn parts(&self) -> Result<Parts, ScenarioError> {
+    pub(super) fn parts(&self) -> Result<Parts, ScenarioError> {
         let (sim, noise) = (&self.sim, self.noise);
-        let (world, second) = self.world()?;
+        let (environment, second) = self.environment()?;
         let start = |vehicle| Some((vehicle, sim.home(vehicle)?));
         let told = |(vehicle, home)| NodeSettings::from_config(sim, vehicle, Boot(1), home);
         let settings: Vec<NodeSettings> = sim.vehicle_ids().filter_map(start).map(told).collect();
         Ok(Parts {
             noise,
-            world,
+            environment,
             bus: Bus::new(noise, self.bus()),
             vehicles: settings.iter().map(VehicleNode::new).collect(),
             settings,
@@ -256,22 +268,20 @@ impl Scenario {
             script: self.script_with(second),
             until: Time::ZERO + sim.until(),
             shuffle_ties: self.shuffle_ties,
+            ends_at_contact: self.ends_at_contact,
             shown_every: self.shown_every,
         })
     }
 
-    /// Makes the world as a run begins, with all vehicles at home, and what stands there once the persons have
+    /// Makes the environment as a run begins, with all vehicles at home, and what stands there once the persons have
     /// entered (`None` when they are in it from the beginning).
     ///
     /// # Errors
     /// The scene cannot be built, or a vehicle cannot be put into it.
-    pub fn outside(&self) -> Result<(Outside, Option<Stage>), ScenarioError> {
-        self.world().map(|(world, second)| (Outside::new(world), second))
-    }
-
-    /// Gives when the telemetry of a vehicle comes for the first time.
-    pub fn first_telemetry(&self, vehicle: VehicleId) -> Time {
-        first_telemetry(self.noise, vehicle)
+    pub fn environment(&self) -> Result<(Environment, Option<Stage>), ScenarioError> {
+        let (world, second) = self.world()?;
+        let (faults, ties) = (faults(&self.sim), self.shuffle_ties.then_some(self.noise));
+        Ok((Environment::new(world, self.noise, faults, ties), second))
     }
 
     fn world(&self) -> Result<(World, Option<Stage>), ScenarioError> {
@@ -402,7 +412,7 @@ impl Scenario {
     }
 
     fn outcome(&self, kernel: Kernel) -> Result<Outcome, ScenarioError> {
-        let (mut record, outside, ground, bus, simulated, separation_m) = kernel.into_parts();
+        let (mut record, environment, ground, bus, simulated, separation_m) = kernel.into_parts();
         let station = ground.station();
         let outlines = self.outlines()?;
         let unmet = self.unmet(&record);
@@ -414,8 +424,8 @@ impl Scenario {
             home: record.home,
             held: record.held,
             simulated,
-            collisions: outside.world().collisions().to_vec(),
-            fence_breaches: outside.world().fence_breaches(),
+            collisions: environment.world().collisions().to_vec(),
+            fence_breaches: environment.world().fence_breaches(),
             min_separation_m: separation_m.is_finite().then_some(separation_m),
             samples: station.samples().count(RUN),
             links: station.samples().links(RUN),

@@ -12,7 +12,7 @@ use super::super::body::Limits;
 use super::super::noise::Noise;
 use super::super::radio_field::{RadioConstants, RadioField};
 use super::super::range::{RangeModel, RangeSensor};
-use super::super::world::{Build, Stage, Touch, World};
+use super::super::world::{Build, PredictedContact, Stage, World};
 use crate::geom::{Angle, Cell, Lattice, Point, Rect};
 use crate::map::{Merged, Occupancy};
 use crate::node::route::Note;
@@ -81,7 +81,7 @@ struct Rig {
     node: VehicleNode,
     beam: Angle,
     echoes: Vec<(Time, Echo)>,
-    touches: Vec<Touch>,
+    touches: Vec<PredictedContact>,
     /// What the vehicle knew when it was last commanded to drive.
     known: Merged,
     drives: usize,
@@ -171,7 +171,7 @@ impl Rig {
 
     fn step(&mut self) {
         self.now = self.now + STEP;
-        let due: Vec<Touch> = self.touches.extract_if(.., |touch| touch.at <= self.now).collect();
+        let due: Vec<PredictedContact> = self.touches.extract_if(.., |touch| touch.at <= self.now).collect();
         for touch in due {
             self.world.touch(&touch);
         }

@@ -4,21 +4,27 @@
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
-/// Counts connections.
-#[derive(Debug, Default)]
-pub struct Crowd {
+/// Counts connections against the most that there may be.
+#[derive(Debug)]
+pub struct ConnectionLimit {
+    most: usize,
     count: Mutex<usize>,
     changed: Condvar,
 }
 
-impl Crowd {
+impl ConnectionLimit {
+    /// Makes a limit of so many connections.
+    pub fn new(most: usize) -> ConnectionLimit {
+        ConnectionLimit { most, count: Mutex::new(0), changed: Condvar::new() }
+    }
+
     fn lock(&self) -> MutexGuard<'_, usize> {
         self.count.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Gives how many there are.
-    pub fn count(&self) -> usize {
-        *self.lock()
+    /// Returns whether there are more than there may be.
+    pub fn is_exceeded(&self) -> bool {
+        *self.lock() > self.most
     }
 
     /// Waits until all have ended, but no longer than this.
@@ -28,19 +34,19 @@ impl Crowd {
     }
 }
 
-/// One connection, for as long as it lives.
+/// One connection that is counted, for as long as it lives.
 #[derive(Debug)]
-pub struct Inside(Arc<Crowd>);
+pub struct CountedConnection(Arc<ConnectionLimit>);
 
-impl Inside {
+impl CountedConnection {
     /// Counts one more.
-    pub fn enter(crowd: &Arc<Crowd>) -> Inside {
-        *crowd.lock() += 1;
-        Inside(crowd.clone())
+    pub fn begin(limit: &Arc<ConnectionLimit>) -> CountedConnection {
+        *limit.lock() += 1;
+        CountedConnection(limit.clone())
     }
 }
 
-impl Drop for Inside {
+impl Drop for CountedConnection {
     fn drop(&mut self) {
         *self.0.lock() -= 1;
         self.0.changed.notify_all();

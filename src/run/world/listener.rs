@@ -1,4 +1,4 @@
-//! The world's door: takes connections, lets in who knows the token and speaks the same version, and carries frames
+//! The world's listener: takes connections, lets in who knows the token and speaks the same version, and carries frames
 //! between the socket and the world's thread. It decides nothing about vehicles.
 //!
 //! Whoever is let in may say as much as the world can take; whoever is not has two seconds and a short frame.
@@ -10,9 +10,9 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::SyncSender;
 use std::time::{Duration, Instant};
 
-use super::crowd::{Crowd, Inside};
+use super::connection_limit::{ConnectionLimit, CountedConnection};
 use super::outgoing::Outgoing;
-use super::stage_hand::{Inbound, refuse};
+use super::world_thread::{Inbound, refuse};
 use crate::run::link::{Refused, ToWorld, VERSION, WordError, decode, read_frame, write_frame};
 
 /// A connection says who it is within this time.
@@ -20,30 +20,32 @@ const GREETS_WITHIN: Duration = Duration::from_secs(2);
 /// A connection that takes nothing for so long is ended.
 const WRITE_WITHIN: Duration = Duration::from_secs(5);
 /// Connections at one time beside one a vehicle: directors, and those that have not greeted yet.
-const GUESTS: usize = 32;
-/// After a failure to take a connection the door rests, so as not to spin.
+const SPARE_CONNECTIONS: usize = 32;
+/// After a failure to take a connection the listener rests, so as not to spin.
 const REST: Duration = Duration::from_millis(50);
 
-/// The world's door.
-pub struct Door {
+/// The world's listener.
+pub struct Listener {
     token: Vec<u8>,
-    room: usize,
-    crowd: Arc<Crowd>,
+    limit: Arc<ConnectionLimit>,
     words: SyncSender<Inbound>,
     is_ended: Arc<AtomicBool>,
 }
 
-impl Door {
-    /// Makes the door of a world with so many vehicles.
+/// Returns the limit of connections of a world with so many vehicles.
+pub fn connection_limit(vehicles: u8) -> ConnectionLimit {
+    ConnectionLimit::new(usize::from(vehicles) + SPARE_CONNECTIONS)
+}
+
+impl Listener {
+    /// Makes the listener of a world.
     pub fn new(
         token: &[u8],
-        vehicles: u8,
-        crowd: Arc<Crowd>,
+        limit: Arc<ConnectionLimit>,
         words: SyncSender<Inbound>,
         is_ended: Arc<AtomicBool>,
-    ) -> Door {
-        let room = usize::from(vehicles) + GUESTS;
-        Door { token: token.to_vec(), room, crowd, words, is_ended }
+    ) -> Listener {
+        Listener { token: token.to_vec(), limit, words, is_ended }
     }
 
     /// Takes connections until the world has ended.
@@ -62,43 +64,43 @@ impl Door {
     }
 
     /// Gives a connection its own thread, if there is room.
-    fn open(&self, connection: u64, stream: TcpStream) {
-        let inside = Inside::enter(&self.crowd);
+    fn open(&self, number: u64, stream: TcpStream) {
+        let counted = CountedConnection::begin(&self.limit);
         let outgoing = Arc::new(Outgoing::default());
-        let guest = Guest {
-            connection,
+        let connection = Connection {
+            number,
             token: self.token.clone(),
             words: self.words.clone(),
             outgoing: outgoing.clone(),
-            _inside: inside,
+            _counted: counted,
         };
-        if self.crowd.count() > self.room {
+        if self.limit.is_exceeded() {
             refuse(&outgoing, Refused::Full);
             // A few bytes always fit into the buffer of a new connection; whether they arrive does not matter.
             let _ = stream.set_nonblocking(true).and_then(|()| pour(&outgoing, stream));
             return;
         }
-        let named = std::thread::Builder::new().name(format!("world guest {connection}"));
+        let named = std::thread::Builder::new().name(format!("world connection {number}"));
         // Without a thread the connection ends here, and comes again.
-        let _ = named.spawn(move || guest.attend(stream));
+        let _ = named.spawn(move || connection.attend(stream));
     }
 }
 
 /// One connection.
-struct Guest {
-    connection: u64,
+struct Connection {
+    number: u64,
     token: Vec<u8>,
     words: SyncSender<Inbound>,
     outgoing: Arc<Outgoing>,
-    _inside: Inside,
+    _counted: CountedConnection,
 }
 
-impl Guest {
+impl Connection {
     /// Reads what the connection says, and lets a second thread write, until it ends.
     fn attend(self, mut stream: TcpStream) {
         let Ok(other) = prepare(&stream) else { return };
         let outgoing = self.outgoing.clone();
-        let writer = std::thread::Builder::new().name(format!("world writer {}", self.connection));
+        let writer = std::thread::Builder::new().name(format!("world writer {}", self.number));
         let Ok(writer) = writer.spawn(move || pour(&outgoing, other)) else { return };
         match self.greet(&mut stream) {
             Err(refused) => refuse(&self.outgoing, refused),
@@ -108,7 +110,7 @@ impl Guest {
                 if let Some(refused) = self.listen(&mut stream) {
                     refuse(&self.outgoing, refused);
                 }
-                let _ = self.words.send(Inbound::Gone { connection: self.connection });
+                let _ = self.words.send(Inbound::Gone { connection: self.number });
             }
         }
         self.outgoing.close();
@@ -126,7 +128,7 @@ impl Guest {
         })?;
         // From now on it may be silent for as long as it likes.
         stream.set_read_timeout(None).map_err(|_| Refused::NoGreeting)?;
-        let (connection, outgoing) = (self.connection, self.outgoing.clone());
+        let (connection, outgoing) = (self.number, self.outgoing.clone());
         match word {
             ToWorld::Join { token, .. } | ToWorld::Control { token } if !is_same(&token, &self.token) => {
                 Err(Refused::Token)
@@ -153,7 +155,7 @@ impl Guest {
                 Err(_gone) => return None,
             };
             let Ok(word) = decode(&frame) else { return Some(Refused::Garbage) };
-            self.words.send(Inbound::Word { connection: self.connection, word }).ok()?;
+            self.words.send(Inbound::Word { connection: self.number, word }).ok()?;
         }
     }
 }

@@ -8,7 +8,7 @@ use std::time::{Duration, Instant};
 
 use tomoswarm_proto::{Boot, VehicleId};
 
-use super::live_world::{LiveWorld, Said};
+use super::live_world::{LiveWorld, VehicleWord};
 use super::outgoing::{Outgoing, Worth};
 use crate::run::link::{FromWorld, Refused, Status, ToWorld, Welcome, encode};
 use crate::time::Time;
@@ -60,18 +60,18 @@ enum Role {
 }
 
 /// The world's thread.
-pub struct StageHand {
+pub struct WorldThread {
     world: LiveWorld,
     began: Instant,
     connections: BTreeMap<u64, (Role, Arc<Outgoing>)>,
-    said: Vec<Said>,
+    said: Vec<VehicleWord>,
     is_ended: bool,
 }
 
-impl StageHand {
+impl WorldThread {
     /// Begins the world's time.
-    pub fn new(world: LiveWorld) -> StageHand {
-        StageHand {
+    pub fn new(world: LiveWorld) -> WorldThread {
+        WorldThread {
             world,
             began: Instant::now(),
             connections: BTreeMap::new(),
@@ -94,6 +94,7 @@ impl StageHand {
             self.hand_out();
             if let Some(inbound) = inbound {
                 self.take(inbound);
+                self.hand_out();
             }
         }
         self.connections.values().for_each(|(_, outgoing)| outgoing.close());
@@ -125,7 +126,7 @@ impl StageHand {
                 self.connections.insert(connection, (Role::Directs, outgoing));
             }
             Inbound::Word { connection, word } => match self.connections.get(&connection) {
-                Some((Role::Drives(index), _)) => self.world.obey(*index, word),
+                Some((Role::Drives(index), _)) => self.world.obey(*index, word, &mut self.said),
                 Some((Role::Directs, outgoing)) => self.direct(word, &outgoing.clone()),
                 // It was replaced or refused meanwhile.
                 None => {}
@@ -192,6 +193,7 @@ fn say(outgoing: &Outgoing, word: &FromWorld) {
         | FromWorld::Refused(_)
         | FromWorld::Echo(_)
         | FromWorld::Heard { .. }
+        | FromWorld::Unsent(_)
         | FromWorld::Status(_)
         | FromWorld::Places(_) => Worth::Word,
     };
