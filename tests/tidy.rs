@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 
 const L0: &[&str] = &["time", "geom"];
 const L1: &[&str] = &["map", "plan", "tomo", "sweep", "scene", "config", "draw"];
-const L2: &[&str] = &["actor", "node", "ground"];
+const L2: &[&str] = &["actor", "node", "ground", "exchange"];
 
 /// Which modules a module may use beside itself; `None` for one that is not in the table.
 fn may_use(module: &str) -> Option<Vec<&'static str>> {
@@ -22,6 +22,7 @@ fn may_use(module: &str) -> Option<Vec<&'static str>> {
         "actor" => joined(&[L0, L1]),
         "node" => joined(&[L0, L1, &["actor"]]),
         "ground" => joined(&[L0, L1, &["actor", "node"]]),
+        "exchange" => joined(&[L0]),
         "sim" => joined(&[L0, L1, L2]),
         "store" => joined(&[L0, L1, L2]),
         "run" => joined(&[L0, L1, L2, &["sim", "store"]]),
@@ -416,6 +417,8 @@ fn a_use_of_a_higher_layer_is_seen_in_every_spelling() {
     check("src/map/tile.rs", "#[cfg(test)]\nmod tests {\n    use crate::plan;\n}", &[&complaint(4)]);
     check("src/node/map.rs", "use crate::sim::World;", &["src/node/map.rs:2: node must not use sim"]);
     check("src/actor/inbox.rs", "use crate::node;", &["src/actor/inbox.rs:2: actor must not use node"]);
+    let complaint = "src/exchange/egress.rs:2: exchange must not use node";
+    check("src/exchange/egress.rs", "use crate::node;", &[complaint]);
     check("src/geom.rs", "use crate::map;", &["src/geom.rs:2: geom must not use map"]);
 }
 

@@ -7,15 +7,15 @@
 //!                       station ──Memory──► edge (store)
 //! ```
 
-use tomoswarm_proto::Message;
+use tomoswarm_proto::{Message, Sender};
 
 use super::{imager, planner, station};
 
 /// What reaches the ground station from outside.
 #[derive(Clone, Debug)]
 pub enum Event {
-    /// The bus delivered a message of a vehicle.
-    Bus(Message),
+    /// The bus delivered a message that another node said.
+    Bus(Sender, Message),
     /// The operator wants something.
     Operator(station::Wish),
 }
@@ -55,7 +55,8 @@ pub(crate) enum To {
 /// Says where something goes.
 pub(crate) fn route(said: Said, to: &mut Vec<To>) {
     let next = match said {
-        Said::Edge(Event::Bus(message)) => To::Station(station::In::Bus(message)),
+        // What the station decides by names its author itself.
+        Said::Edge(Event::Bus(_, message)) => To::Station(station::In::Bus(message)),
         Said::Edge(Event::Operator(wish)) => To::Station(station::In::Wish(wish)),
         Said::Station(station::Out::Publish(message)) => To::Edge(Effect::Publish(message)),
         Said::Station(station::Out::Ask(request)) => To::Planner(request),

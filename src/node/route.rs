@@ -26,8 +26,8 @@ pub enum Event {
     Echo(sensor::Echo),
     /// The radio driver heard a beacon.
     Heard(radio::Heard),
-    /// The bus delivered a message of another node.
-    Bus(Message),
+    /// The bus delivered a message that another node said.
+    Bus(Sender, Message),
     /// A sample is kept: it will be told again when it is recalled, also after a restart.
     Kept(Boot, RunId, Sample),
     /// A chunk of what was kept before, as recalled.
@@ -111,7 +111,7 @@ pub(crate) fn route(said: Said, to: &mut Vec<To>) {
         Said::Edge(Event::Telemetry(telemetry)) => to.push(To::Vehicle(vehicle::In::Telemetry(telemetry))),
         Said::Edge(Event::Echo(echo)) => to.push(To::Sensor(sensor::In::Echo(echo))),
         Said::Edge(Event::Heard(heard)) => to.push(To::Radio(radio::In::Heard(heard))),
-        Said::Edge(Event::Bus(message)) => route_message(message, to),
+        Said::Edge(Event::Bus(sender, message)) => route_message(sender, message, to),
         Said::Edge(Event::Kept(boot, run, sample)) => {
             to.push(To::Outbox(outbox::In::Kept((boot, run, sample))));
         }
@@ -150,8 +150,8 @@ fn outbox_effect(out: outbox::Out) -> Effect {
     }
 }
 
-fn route_message(message: Message, to: &mut Vec<To>) {
-    to.push(To::Mission(mission::In::Heard(message.author().unwrap_or(Sender::Operator))));
+fn route_message(sender: Sender, message: Message, to: &mut Vec<To>) {
+    to.push(To::Mission(mission::In::Heard(sender)));
     match message {
         Message::State(state) => {
             to.push(To::Vehicle(vehicle::In::Peer(state.clone())));
@@ -206,5 +206,31 @@ fn route_mission(out: mission::Out, to: &mut Vec<To>) {
         }
         mission::Out::Measure(run) => to.push(To::Radio(radio::In::Measure(run))),
         mission::Out::Remark(remark) => to.push(To::Edge(Effect::Note(Note::Mission(remark)))),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use tomoswarm_proto::{Digest, VehicleId, Want};
+
+    /// Returns of whom a mission hears when a sender says a message.
+    fn heard(sender: Sender, message: Message) -> Vec<Sender> {
+        let mut to = Vec::new();
+        route(Said::Edge(Event::Bus(sender, message)), &mut to);
+        let heard = to.into_iter().filter_map(|to| match to {
+            To::Mission(mission::In::Heard(by)) => Some(by),
+            _ => None,
+        });
+        heard.collect()
+    }
+
+    #[test]
+    fn what_names_no_author_is_heard_of_whoever_says_it() {
+        for sender in [Sender::Ground, Sender::Vehicle(VehicleId(2)), Sender::Operator] {
+            assert_eq!(heard(sender, Message::Digest(Digest::default())), [sender]);
+            let want = Want { layer: Default::default(), known: vec![] };
+            assert_eq!(heard(sender, Message::Want(want)), [sender]);
+        }
     }
 }

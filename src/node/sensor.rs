@@ -6,8 +6,10 @@
 //! decides nothing about safety: a reading that looks like a glitch is marked as suspect, not hidden,
 //! since the reflex must see it all the same.
 //!
+//! An echo counts once, and only until the sensor turns on to the next beam.
+//!
 //! ```text
-//!   Pointing ─settled─► Listening ─echo or next period─► Pointing (next beam)
+//!   [Listening] ──next beam──► [Pointing] ──servo settled: ping──► [Listening]
 //! ```
 //!
 //! Deadlines: `next beam`, `servo settled`.
@@ -95,25 +97,39 @@ struct Glitch;
 
 #[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 enum Phase {
-    Pointing { settled: Time, next: Time },
-    Listening { next: Time },
+    /// The servo turns to a beam.
+    Pointing {
+        /// When it has settled.
+        settled: Time,
+        /// When the beam after this one is due.
+        next: Time,
+    },
+    /// Nothing moves until the next beam.
+    Listening {
+        /// Which ping has no answer yet; `None` before the first one, and once it has one.
+        awaited: Option<u64>,
+        /// When the next beam is due.
+        next: Time,
+    },
 }
 
 impl Sensor {
     /// Makes the actor; it points its first beam at the first wake.
     pub fn new(look: LookSettings, pose_sd_max_m: f64) -> Sensor {
         let last_m = vec![f64::INFINITY; look.beams.len()];
-        let phase = Phase::Listening { next: Time::ZERO + look.period };
+        let phase = Phase::Listening { awaited: None, next: Time::ZERO + look.period };
         let (place, pointing) = (Place::unknown(pose_sd_max_m), Pointing::new(look.mounts.clone()));
         Sensor { look, place, beam: 0, phase, pings: 0, last_m, pointing }
     }
 
     fn echo(&mut self, now: Time, echo: Echo, out: &mut Vec<Out>) {
-        if echo.number != self.pings {
-            return; // a late answer to an earlier ping
+        let Phase::Listening { awaited, next } = self.phase else { return };
+        if awaited != Some(echo.number) {
+            return; // a late answer to an earlier ping, or the same once more
         }
         let Some(pose) = self.place.pose(now) else { return };
         let Ok(range_m) = self.judged(echo.range_m) else { return };
+        self.phase = Phase::Listening { awaited: None, next };
         let reading_m = range_m.unwrap_or(f64::INFINITY);
         let suspect = reading_m < self.last_m[self.beam] - JUMP_M && reading_m < self.look.sure_range_m;
         self.last_m[self.beam] = reading_m;
@@ -146,7 +162,7 @@ impl Actor for Sensor {
     fn deadline(&self) -> Option<Deadline> {
         Some(match self.phase {
             Phase::Pointing { settled, .. } => Deadline { at: settled, why: "servo settled" },
-            Phase::Listening { next } => Deadline { at: next, why: "next beam" },
+            Phase::Listening { next, .. } => Deadline { at: next, why: "next beam" },
         })
     }
 
@@ -162,7 +178,8 @@ impl Actor for Sensor {
             }
             Phase::Pointing { next, .. } => {
                 self.pings += 1;
-                self.phase = Phase::Listening { next: next.max(now + Duration::from_nanos(1)) };
+                let next = next.max(now + Duration::from_nanos(1));
+                self.phase = Phase::Listening { awaited: Some(self.pings), next };
                 out.push(Out::Ping(Ping { number: self.pings }));
             }
         }
@@ -184,6 +201,7 @@ impl Input for In {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::node::tests_support::{drawn, variants};
     use crate::plan::{Mount, Mounts};
 
     fn sensor() -> Sensor {
@@ -286,6 +304,28 @@ mod tests {
         assert!(told(&mut sensor, due, In::Echo(Echo { number: number + 1, range_m: None })).is_empty());
         let out = told(&mut sensor, due, In::Echo(Echo { number, range_m: Some(9.0) }));
         assert!(matches!(&out[..], [Out::Scan(Scan { range_m: None, .. })]));
+    }
+
+    #[test]
+    fn the_drawing_names_the_phases() {
+        assert_eq!(drawn(include_str!("sensor.rs")), variants::<Phase>());
+    }
+
+    #[test]
+    fn an_echo_counts_once_and_only_for_the_beam_that_it_was_asked_of() {
+        let near = |number| In::Echo(Echo { number, range_m: Some(1.0) });
+        let mut sensor = sensor();
+        told(&mut sensor, Time::ZERO, state(0.0, 0.0));
+        assert!(told(&mut sensor, Time::ZERO, near(0)).is_empty(), "nothing was asked yet");
+        let (due, number) = next_ping(&mut sensor);
+        told(&mut sensor, due, state(0.0, 0.0));
+        assert_eq!(told(&mut sensor, due, near(number)).len(), 1);
+        assert!(told(&mut sensor, due, near(number)).is_empty(), "it does not confirm itself");
+        let (_, number) = next_ping(&mut sensor);
+        let turns_on = sensor.deadline().unwrap().at;
+        sensor.wake(turns_on, &mut Vec::new()).unwrap();
+        told(&mut sensor, turns_on, state(0.0, 0.0));
+        assert!(told(&mut sensor, turns_on, near(number)).is_empty(), "it would stand for the next beam");
     }
 
     #[test]

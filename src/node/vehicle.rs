@@ -14,51 +14,67 @@
 //! After an emergency, or an order to land, a rover holds at once and is disarmed as soon as it rests; cutting the
 //! motors disarms it at once. A start arms it again. A stop and a disarming are said again until telemetry shows them.
 //!
+//! Four machines run side by side; each has its file, which alone writes its fields. Two say what the vehicle may do and
+//! what it was told to do. The others are drawn in their files: how far a disarming has come (`disarming.rs`), and
+//! whether the autopilot is heard (`last_telemetry.rs`).
+//!
+//! What orders leave standing (`restraint.rs`), at first nothing; a weaker order leads no way back:
+//!
 //! ```text
-//!            Drive/Turn accepted          telemetry: at rest
-//!   Idle ───────────────────────► Driving/Turning ─────────► Idle
-//!                                     │ reflex                 ▲
-//!                                     ▼        next command    │
-//!                                   Halted ────────────────────┘        any ─Emergency─► Emergency ─Start─► Idle
+//!   [Free] ──Hold──► [Held] ──Land──► [Landing] ──Emergency, CutMotors──► [Emergency]
+//!     ▲ └── Hold, Land, Emergency, CutMotors: from any to the one that they lead to here, if it lies to the right
+//!     └──── Start from any, Return from any but an emergency
 //! ```
+//!
+//! What the vehicle was told about moving (`movement.rs`), at first nothing. An accepted command and a stop lead from any
+//! state; a stop is an order, a `Hold` of the mission, a place lost, or a peer that is yielded to:
+//!
+//! ```text
+//!   any ──Drive──► [Driving] ──at rest──► [Idle]
+//!   any ──Turn───► [Turning] ──at rest──► [Idle]
+//!   any ──stop───► [Stopped]                        but what the reflex has halted stays so
+//!   any ──reflex─► [Halted]                         when telemetry shows driving
+//! ```
+//!
+//! A vehicle under a restraint accepts neither Drive nor Turn: it leaves Stopped and Halted only when it is free again.
 //!
 //! Deadline: `telemetry silent`.
 
+mod disarming;
 mod envelope;
+mod last_telemetry;
+mod movement;
 mod orders;
-mod rest;
+mod reflex;
+mod report;
+mod restraint;
 mod words;
 
-use std::collections::VecDeque;
 use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
-use tomoswarm_proto::{LegReport, Mode, Order, OrderKind, Ordered, Revision, RunId, State, VehicleId};
+use tomoswarm_proto::{Order, Revision, RunId, State, VehicleId};
 
+use self::last_telemetry::LastTelemetry;
+use self::movement::Movement;
+use self::orders::Orders;
+use self::reflex::Reflex;
+use self::report::Reports;
 use super::Settings;
-use super::ages::Ages;
 use super::peers::{Peers, join_states};
 use super::radio::Sighting;
 use super::sensor::Scan;
 use crate::actor::{Actor, Class, Fault, Input};
-use crate::geom::{Point, Segment};
+use crate::geom::{Point, Vector};
 use crate::time::{Deadline, Time};
 
 pub use orders::join_orders;
 pub use words::{Bump, Command, Fly, Motion, Refusal, Remark, Telemetry};
 
-/// Telemetry older than this makes the autopilot silent.
-const SILENT_AFTER: Duration = Duration::from_secs(2);
-/// States are published this often while the mode stays the same.
-const PUBLISH_EVERY: Duration = Duration::from_millis(200);
-/// Time from an echo to brakes that bite.
-const REACTION_S: f64 = 0.15;
-/// What the reflex leaves between the body and an object, metres.
-const REFLEX_MARGIN_M: f64 = 0.1;
-/// What made the reflex halt is kept clear of for this long, even if the map does not show it.
-const BUMP_FOR: Duration = Duration::from_secs(60);
 /// After this long a resting autopilot has ended the drive that it was told.
 const REST_GRACE: Duration = Duration::from_millis(300);
+/// What telemetry does not show yet is said again this often.
+const SAY_AGAIN: Duration = Duration::from_millis(300);
 
 /// What the vehicle actor can be told.
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
@@ -100,39 +116,12 @@ pub enum Out {
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Vehicle {
     settings: Settings,
-    telemetry: Option<(Time, Telemetry)>,
-    leg: Option<Leg>,
-    halted: bool,
-    /// An order to hold or to land stands.
-    held: bool,
-    /// The mission stands still on its own.
-    holds: bool,
-    emergency: bool,
-    /// Since when it is to be disarmed as soon as it rests.
-    disarm_since: Option<Time>,
-    is_disarmed: bool,
-    /// When it was told to stop last; `None` once it was told to move.
-    stop_said: Option<Time>,
-    disarm_said: Option<Time>,
-    /// When the last order to stop, or to return, was obeyed: what was decided before it is not driven.
-    stopped_by_order: Time,
-    accepted: (RunId, Revision),
-    ordered: Ordered,
-    sequence: u64,
-    /// When recent states were made, to judge the age of orders by.
-    made: Ages,
-    published: Option<(Time, Mode)>,
+    telemetry: LastTelemetry,
+    movement: Movement,
+    orders: Orders,
+    reflex: Reflex,
     peers: Peers,
-    bumps: Vec<Bump>,
-    silent_reported: bool,
-}
-
-#[derive(Clone, Debug, Serialize, Deserialize)]
-struct Leg {
-    since: Time,
-    /// It leads to no stop: nobody's plan says who goes first.
-    is_off_plan: bool,
-    corners: VecDeque<Point>,
+    reports: Reports,
 }
 
 impl Vehicle {
@@ -141,99 +130,31 @@ impl Vehicle {
         Vehicle {
             peers: Peers::new(settings.vehicle),
             settings,
-            telemetry: None,
-            leg: None,
-            halted: false,
-            held: false,
-            holds: false,
-            emergency: false,
-            disarm_since: None,
-            is_disarmed: false,
-            stop_said: None,
-            disarm_said: None,
-            stopped_by_order: Time::ZERO,
-            accepted: Default::default(),
-            ordered: Default::default(),
-            sequence: 0,
-            made: Ages::default(),
-            published: None,
-            bumps: Vec::new(),
-            silent_reported: false,
+            telemetry: LastTelemetry::default(),
+            movement: Movement::default(),
+            orders: Orders::default(),
+            reflex: Reflex::default(),
+            reports: Reports::default(),
         }
     }
 
     fn telemetry(&mut self, now: Time, telemetry: Telemetry, out: &mut Vec<Out>) {
-        self.telemetry = Some((now, telemetry));
-        self.silent_reported = false;
-        self.trim_leg(now, telemetry);
-        self.stop_when_lost(now, telemetry, out);
-        self.disarm_at_rest(now, telemetry, out);
-        self.say_again(now, telemetry, out);
-        self.sequence += 1;
-        self.made.note(now, self.sequence);
-        let state = self.state(telemetry);
-        let due =
-            self.published.is_none_or(|(at, mode)| mode != state.mode || now.since(at) >= PUBLISH_EVERY);
-        if due {
-            self.published = Some((now, state.mode));
-            out.push(Out::Publish(state.clone()));
+        self.telemetry.take(now, telemetry);
+        self.movement.take(now, &telemetry);
+        self.stop_when_lost(now, &telemetry, out);
+        if self.movement.is_stop_due_again(now, telemetry.motion) {
+            self.stop(now, out);
         }
-        out.push(Out::State(state));
+        out.extend(self.orders.take(now, &telemetry).map(Out::Fly));
+        self.report(now, &telemetry, out);
     }
 
-    /// Who no longer knows where it is does not drive on; said once.
-    fn stop_when_lost(&mut self, now: Time, telemetry: Telemetry, out: &mut Vec<Out>) {
+    /// Stops a vehicle that drives and no longer knows where it is; said once.
+    fn stop_when_lost(&mut self, now: Time, telemetry: &Telemetry, out: &mut Vec<Out>) {
         let is_lost = telemetry.pose.sd_m > self.settings.safety.pose_sd_max_m;
-        if is_lost && telemetry.motion == Motion::Driving && self.stop_said.is_none() {
+        if is_lost && telemetry.motion == Motion::Driving && !self.movement.is_stop() {
             self.stop(now, out);
             out.push(Out::Remark(Remark::Refused(Refusal::PoseUncertain)));
-        }
-    }
-
-    /// Drops what was driven of the leg, and the leg itself once the vehicle rests.
-    fn trim_leg(&mut self, now: Time, telemetry: Telemetry) {
-        let Some(leg) = &mut self.leg else { return };
-        while leg.corners.len() > 1 {
-            let piece = Segment::new(leg.corners[0], leg.corners[1]);
-            if piece.nearest_share(telemetry.pose.at) <= 0.0 {
-                break;
-            }
-            leg.corners.pop_front();
-        }
-        if telemetry.motion == Motion::Resting && now.since(leg.since) > REST_GRACE {
-            self.leg = None;
-        }
-    }
-
-    fn state(&self, telemetry: Telemetry) -> State {
-        let remaining = |leg: &Leg| {
-            let route = std::iter::once(telemetry.pose.at).chain(leg.corners.iter().copied());
-            LegReport { route: route.map(Into::into).collect() }
-        };
-        State {
-            vehicle: self.settings.vehicle,
-            boot: self.settings.boot,
-            sequence: self.sequence,
-            pose: telemetry.pose.into(),
-            speed_mps: telemetry.speed_mps,
-            mode: self.mode(telemetry),
-            battery: telemetry.battery,
-            leg: self.leg.as_ref().map(remaining),
-            accepted: self.accepted,
-            ordered: self.ordered,
-        }
-    }
-
-    fn mode(&self, telemetry: Telemetry) -> Mode {
-        if self.emergency {
-            return Mode::Emergency;
-        }
-        match telemetry.motion {
-            Motion::Driving => Mode::Driving,
-            Motion::Turning => Mode::Turning,
-            Motion::Resting if self.held || self.holds => Mode::Held,
-            Motion::Resting if self.halted => Mode::Halted,
-            Motion::Resting => Mode::Idle,
         }
     }
 
@@ -244,103 +165,53 @@ impl Vehicle {
         }
         match command {
             Command::Drive { stop, route } => {
-                (self.halted, self.stop_said) = (false, None);
                 let corners: Vec<Point> = route.into_iter().skip(1).collect();
-                let ahead = corners.iter().copied().collect();
-                self.leg = Some(Leg { since: now, is_off_plan: stop.is_none(), corners: ahead });
+                self.movement.drive(now, stop.is_none(), &corners);
                 out.push(Out::Fly(Fly::Drive { corners, speed_mps: self.settings.body.speed_mps }));
             }
             Command::Turn(heading) => {
-                (self.halted, self.stop_said) = (false, None);
+                self.movement.turn(now);
                 out.push(Out::Fly(Fly::Turn(heading)));
             }
             Command::Hold => self.stop(now, out),
         }
     }
 
-    /// The reflex: halts when a reading in the driven strip is nearer than the vehicle can stop, or than the closeness that
-    /// it was told.
     fn scan(&mut self, now: Time, scan: &Scan, out: &mut Vec<Out>) {
-        let Some((_, telemetry)) = self.telemetry else { return };
-        if telemetry.motion != Motion::Driving || self.halted {
+        let Some(telemetry) = self.telemetry.of_any_age() else { return };
+        if telemetry.motion != Motion::Driving || self.movement.is_halted() {
             return;
         }
-        let Some(ahead_m) = self.ahead_m(scan) else { return };
-        let speed = telemetry.speed_mps;
-        let needs_m = speed * REACTION_S + speed * speed / (2.0 * self.settings.body.braking_mps2);
-        let is_close = scan.range_m.is_some_and(|range_m| range_m < self.settings.safety.closeness_m);
-        if is_close || ahead_m < needs_m + REFLEX_MARGIN_M {
-            self.stop(now, out);
-            self.halted = true;
-            let bump = self.bump(now, scan);
-            self.bumps.retain(|known| known.until > now);
-            self.bumps.push(bump);
-            out.push(Out::Remark(Remark::Halted { ahead_m, bump }));
-        }
-    }
-
-    fn bump(&self, now: Time, scan: &Scan) -> Bump {
-        let range_m = scan.range_m.unwrap_or_default();
-        let at = scan.pose.at + crate::geom::Vector::polar(scan.pose.heading + scan.beam, range_m);
-        let spread_m = range_m * libm::sin(self.settings.look.half_angle.radians());
-        let keep_m = self.settings.body.radius_m + REFLEX_MARGIN_M + spread_m;
-        Bump { at, keep_m, until: now + BUMP_FOR }
-    }
-
-    /// Gives how far ahead of the body an echo may come from; `None` when it lies beside the strip.
-    fn ahead_m(&self, scan: &Scan) -> Option<f64> {
-        let range_m = scan.range_m?;
-        let off_axis_rad = (scan.beam.radians().abs() - self.settings.look.half_angle.radians()).max(0.0);
-        let (sin, cos) = libm::sincos(off_axis_rad);
-        let strip_m = self.settings.body.radius_m + REFLEX_MARGIN_M;
-        (range_m * sin <= strip_m).then_some(range_m * cos - self.settings.body.radius_m)
+        let Some(ahead_m) = reflex::halts_for(&self.settings, telemetry, scan) else { return };
+        let bump = reflex::obstacle_of(&self.settings, now, scan);
+        self.movement.halt(now, self.braking_end());
+        self.reflex.remember(now, bump);
+        out.push(Out::Fly(Fly::Stop));
+        out.push(Out::Remark(Remark::Halted { ahead_m, bump }));
     }
 
     fn order(&mut self, now: Time, order: Order, out: &mut Vec<Out>) {
-        let newer = (order.lease, order.revision) > self.ordered.edition();
-        if order.vehicle != self.settings.vehicle || !newer || self.is_stale(now, order) {
+        let is_answer = self.reports.is_answer(now, order.seen_state);
+        if order.vehicle != self.settings.vehicle || !self.orders.accepts(&order, is_answer) {
             return;
         }
-        let Order { lease, revision, run, kind, .. } = order;
-        self.ordered = Ordered { lease, revision, run, kind: Some(kind) };
-        if kind != OrderKind::Start {
-            self.stopped_by_order = now;
+        if orders::stops(order.kind) {
             self.stop(now, out);
         }
-        match kind {
-            OrderKind::Emergency => {
-                self.emergency = true;
-                self.disarm_since = Some(now);
-            }
-            OrderKind::CutMotors => {
-                self.emergency = true;
-                self.disarm(now, out);
-            }
-            OrderKind::Start => {
-                (self.emergency, self.held) = (false, false);
-                self.arm(out);
-            }
-            OrderKind::Hold => self.held = true,
-            OrderKind::Land => {
-                self.held = true;
-                self.disarm_since = Some(now);
-            }
-            OrderKind::Return => {
-                self.held = false;
-                if !self.emergency {
-                    self.arm(out);
-                }
-            }
-        }
+        out.extend(self.orders.obey(now, &order).map(Out::Fly));
         out.push(Out::Order(order));
     }
 
-    /// An order is stale when it answers a state that was made too long ago; stopping is never stale.
-    fn is_stale(&self, now: Time, order: Order) -> bool {
-        match order.kind {
-            OrderKind::Hold | OrderKind::Emergency | OrderKind::Land | OrderKind::CutMotors => false,
-            OrderKind::Start | OrderKind::Return => !self.made.is_fresh(now, order.seen_state),
-        }
+    fn stop(&mut self, now: Time, out: &mut Vec<Out>) {
+        self.movement.stop(now, self.braking_end());
+        out.push(Out::Fly(Fly::Stop));
+    }
+
+    /// Returns where the vehicle comes to rest if it brakes now; `None` as long as nobody knows where it is.
+    fn braking_end(&self) -> Option<Point> {
+        let Telemetry { pose, speed_mps, .. } = self.telemetry.of_any_age()?;
+        let braking_m = speed_mps * speed_mps / (2.0 * self.settings.body.braking_mps2);
+        Some(pose.at + Vector::polar(pose.heading, braking_m))
     }
 }
 
@@ -353,7 +224,7 @@ impl Actor for Vehicle {
             In::Telemetry(telemetry) => self.telemetry(now, telemetry, out),
             In::Scan(scan) => self.scan(now, &scan, out),
             In::Command(decided, command) => self.command(now, decided, command, out),
-            In::Holds(holds) => self.holds = holds,
+            In::Holds(holds) => self.reports.note_mission_holds(holds),
             In::Order(order) => self.order(now, order, out),
             In::Peer(state) => {
                 self.peers.take(now, &state);
@@ -363,18 +234,17 @@ impl Actor for Vehicle {
                 self.peers.sight(now, &sighting);
                 self.yield_to(now, sighting.progress.vehicle, out);
             }
-            In::Accepted(run, revision) => self.accepted = (run, revision),
+            In::Accepted(run, revision) => self.reports.note_accepted(run, revision),
         }
         Ok(())
     }
 
     fn deadline(&self) -> Option<Deadline> {
-        let (at, _) = self.telemetry?;
-        (!self.silent_reported).then_some(Deadline { at: at + SILENT_AFTER, why: "telemetry silent" })
+        self.telemetry.deadline()
     }
 
     fn wake(&mut self, _now: Time, out: &mut Vec<Out>) -> Result<(), Fault> {
-        self.silent_reported = true;
+        self.telemetry.fall_silent();
         out.push(Out::Remark(Remark::AutopilotSilent));
         Ok(())
     }

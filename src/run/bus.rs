@@ -1,33 +1,39 @@
 //! The bus between processes: zenoh, and the only file (with its settings in `bus/`) that names it.
 //!
-//! Everything is published with *drop*: delivery is ours (what is said is repeated, tiles are repaired, samples wait for
-//! `Have`). Publishing never waits for the network: what the budget does not allow now waits in [`Egress`]. What arrives is
-//! judged before anyone hears it: the key's sender, its share of the bus, the codec, and that the author is the sender.
+//! It decides nothing: what comes is judged and what goes waits in the node's [`Exchange`]. Everything is published with
+//! *drop*: delivery is ours (what is said is repeated, tiles are repaired, samples wait for `Have`), and publishing never
+//! waits for the network.
+//!
+//! The exchange is behind one lock, which is held for moments only: frames are written and read outside of it, so that
+//! nobody who has something urgent to say waits while another thread reads a long frame.
 //!
 //! One thread keeps the session: it opens it, opens it anew when nothing was heard for long, and sends what has waited.
 
 mod zenoh_config;
 
-use std::collections::BTreeMap;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
-use std::sync::{Arc, Condvar, Mutex, PoisonError, RwLock, Weak};
+use std::sync::{Arc, Condvar, Mutex, PoisonError, RwLock};
 use std::thread::JoinHandle;
 use std::time::Duration;
 
-use tomoswarm_proto::codec::{self, DecodeError, Greeting, LIMIT};
-use tomoswarm_proto::{Hello, Key, Message, Sender};
+use tomoswarm_proto::{Key, Message, Sender};
 use zenoh::Wait;
 use zenoh::qos::{CongestionControl, Priority};
 use zenoh::sample::Locality;
 
-use super::allowance::Allowance;
 use super::clock::Clock;
 use super::desk::{Troubles, lock};
-use super::egress::{Class, Egress, Parcel};
-use super::subjects::heard_by;
+use super::subjects;
 use super::trust::AccessRule;
+use crate::exchange::egress::OutboundFrame;
+pub use crate::exchange::ingress::Heard;
+use crate::exchange::ingress::{Refusal, read};
+use crate::exchange::joining::Verdict;
+use crate::exchange::presence::Presence;
+use crate::exchange::table::{Class, Subject};
+use crate::exchange::{Exchange, Reception};
 use crate::time::Time;
 
 /// Between two tries to open a session.
@@ -36,9 +42,6 @@ const RETRY: Duration = Duration::from_millis(300);
 const DEAF_AFTER: Duration = Duration::from_secs(15);
 /// One in which nobody was ever heard gets this long: it is seeking its neighbours by itself.
 const ALONE_AFTER: Duration = Duration::from_secs(60);
-/// So many times what this node may send is taken from each of the others, and saved up for so many seconds.
-const INGRESS_SHARE: f64 = 4.0;
-const INGRESS_SAVED_S: f64 = 4.0;
 /// The keeper looks at the session this often when there is nothing to send.
 const LOOKS_EVERY: Duration = Duration::from_secs(1);
 /// A session that does not close within this time is left alone.
@@ -89,15 +92,6 @@ pub struct BusSettings {
     pub gossip: bool,
 }
 
-/// What came over the bus.
-#[derive(Clone, PartialEq, Debug)]
-pub enum Heard {
-    /// A message that its sender may say.
-    Message(Sender, Message),
-    /// A greeting, of whatever version; with the whole Hello when it is of this one.
-    Greeting(Greeting, Option<Hello>),
-}
-
 /// What the bus has carried and refused.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
 pub struct Traffic {
@@ -138,7 +132,8 @@ pub enum BusError {
     Thread(#[from] std::io::Error),
 }
 
-type Ear = dyn Fn(Heard) + Send + Sync;
+/// Takes what a node is to be told, and what follows for taking part.
+type Subscriber = dyn Fn(Option<Heard>, Verdict) + Send + Sync;
 
 /// A node's part of the bus.
 pub struct Bus {
@@ -151,35 +146,23 @@ struct Shared {
     clock: Clock,
     troubles: Troubles,
     session: RwLock<Option<zenoh::Session>>,
-    egress: Mutex<Egress>,
+    exchange: Mutex<Exchange>,
     more: Condvar,
     is_closing: AtomicBool,
     /// Whether a message could not be encoded since the start.
     has_failed: AtomicBool,
-    /// Whether anything but greetings may be said.
-    is_open: AtomicBool,
-    ingress: Mutex<Ingress>,
-    ear: Box<Ear>,
+    subscriber: Box<Subscriber>,
     /// When a frame was taken last, nanoseconds.
     heard_at: AtomicU64,
     /// Whether any was taken in this session.
     has_heard: AtomicBool,
     sent: AtomicU64,
     sent_bytes: AtomicU64,
-    taken: AtomicU64,
-    taken_bytes: AtomicU64,
-    refused: AtomicU64,
-}
-
-#[derive(Default)]
-struct Ingress {
-    allowances: BTreeMap<Sender, Allowance>,
-    /// Reasons already logged, by sender.
-    logged: BTreeMap<(Option<Sender>, &'static str), u64>,
 }
 
 impl Bus {
-    /// Takes part in the bus; `hear` is called from the bus's threads for everything that comes, and must not wait.
+    /// Listens to the bus as a tool does, which asks nobody; `hear` is called from the bus's threads for everything that
+    /// comes, and must not wait.
     ///
     /// A vehicle in a star, or a peer whose neighbours are away, opens all the same: they are sought for in the background.
     ///
@@ -191,26 +174,37 @@ impl Bus {
         troubles: Troubles,
         hear: impl Fn(Heard) + Send + Sync + 'static,
     ) -> Result<Bus, BusError> {
-        let egress = Egress::new(settings.egress_bytes_per_s);
+        let hear_all = move |heard: Option<Heard>, _| heard.into_iter().for_each(&hear);
+        Bus::join(settings, Presence::listening(), clock, troubles, hear_all)
+    }
+
+    /// Goes on the bus; `hear` is called from the bus's threads for what the node is to be told and for what follows for
+    /// taking part, and must not wait.
+    ///
+    /// # Errors
+    /// As [`Bus::open`].
+    pub fn join(
+        settings: BusSettings,
+        presence: Presence,
+        clock: Clock,
+        troubles: Troubles,
+        hear: impl Fn(Option<Heard>, Verdict) + Send + Sync + 'static,
+    ) -> Result<Bus, BusError> {
+        let exchange = Exchange::new(settings.egress_bytes_per_s, presence);
         let shared = Arc::new(Shared {
             settings,
             clock,
             troubles,
             session: RwLock::new(None),
-            egress: Mutex::new(egress),
+            exchange: Mutex::new(exchange),
             more: Condvar::new(),
             is_closing: AtomicBool::new(false),
             has_failed: AtomicBool::new(false),
-            is_open: AtomicBool::new(false),
-            ingress: Mutex::new(Ingress::default()),
-            ear: Box::new(hear),
+            subscriber: Box::new(hear),
             heard_at: AtomicU64::new(clock.now().as_nanos()),
             has_heard: AtomicBool::new(false),
             sent: AtomicU64::new(0),
             sent_bytes: AtomicU64::new(0),
-            taken: AtomicU64::new(0),
-            taken_bytes: AtomicU64::new(0),
-            refused: AtomicU64::new(0),
         });
         // What listens must listen from the beginning; who only connects may find nobody yet.
         if shared.is_hub() {
@@ -234,7 +228,7 @@ impl Bus {
     fn end(&mut self) {
         self.shared.is_closing.store(true, Ordering::Relaxed);
         // With the lock taken the keeper is either before its look at `is_closing`, or waits already.
-        drop(lock(&self.shared.egress));
+        drop(lock(&self.shared.exchange));
         self.shared.more.notify_all();
         if let Some(keeper) = self.keeper.take() {
             // A keeper that panicked has nothing left to close.
@@ -249,52 +243,58 @@ impl Drop for Bus {
     }
 }
 
-/// Publishes; cheap to clone, usable from any thread, never waits for the network. As long as one is held the bus's ear is.
+/// Publishes; cheap to clone, usable from any thread, never waits for the network. As long as one is held, what the
+/// bus calls for everything heard is kept too.
 #[derive(Clone)]
 pub struct Mouth {
     shared: Arc<Shared>,
 }
 
 impl Mouth {
-    /// Publishes a message under the key that belongs to it. Before [`Mouth::speak`] only greetings are.
+    /// Publishes a message under the key that belongs to it. A node that does not take part yet publishes only greetings,
+    /// and so does a tool before [`Mouth::speak`].
     pub fn publish(&self, message: &Message) {
         let shared = &self.shared;
-        if !shared.is_open.load(Ordering::Relaxed) && !matches!(message, Message::Hello(_)) {
-            return;
-        }
         let Some(frame) = shared.frame(message) else { return };
-        let key = Key::of(shared.settings.node, message).as_str().to_owned();
-        let is_state = !matches!(message, Message::Samples(_) | Message::Want(_));
-        let parcel = Parcel { class: Class::of(message), key, is_state, frame };
-        let now = shared.clock.now();
-        let ready = lock(&shared.egress).offer(now, parcel);
+        let ready = lock(&shared.exchange).offer(shared.clock.now(), frame);
         match ready {
-            Some(parcel) => shared.send(parcel),
+            Some(frame) => shared.send(frame),
             None => shared.more.notify_one(),
         }
     }
 
-    /// Gives a handle that does not keep the bus from being dropped.
-    pub fn reply(&self) -> Reply {
-        Reply { shared: Arc::downgrade(&self.shared) }
+    /// Greets when it is time, and learns whether somebody can hear it; returns when to be called again, `None` = never.
+    pub fn greet(&self, now: Time, is_linked: bool) -> Option<Time> {
+        let mut exchange = lock(&self.shared.exchange);
+        if is_linked {
+            exchange.meet(now);
+        }
+        let (greeting, next) = (exchange.greet(now), exchange.greets_at());
+        drop(exchange);
+        greeting.into_iter().for_each(|frame| self.shared.send(frame));
+        next
     }
 
-    /// From now on everything is published.
+    /// Returns whether the node takes part, or the tool speaks.
+    pub fn is_member(&self) -> bool {
+        lock(&self.shared.exchange).is_member()
+    }
+
+    /// From now on a tool publishes everything.
     pub fn speak(&self) {
-        self.shared.is_open.store(true, Ordering::Relaxed);
+        lock(&self.shared.exchange).speak();
     }
 
     /// Gives what was carried so far.
     pub fn traffic(&self) -> Traffic {
-        let shared = &self.shared;
-        let read = |counter: &AtomicU64| counter.load(Ordering::Relaxed);
+        let counts = lock(&self.shared.exchange).counts();
         Traffic {
-            sent: read(&shared.sent),
-            sent_bytes: read(&shared.sent_bytes),
-            taken: read(&shared.taken),
-            taken_bytes: read(&shared.taken_bytes),
-            refused: read(&shared.refused),
-            dropped: lock(&shared.egress).dropped(),
+            sent: self.shared.sent.load(Ordering::Relaxed),
+            sent_bytes: self.shared.sent_bytes.load(Ordering::Relaxed),
+            taken: counts.taken,
+            taken_bytes: counts.taken_bytes,
+            refused: counts.refused,
+            dropped: counts.dropped,
         }
     }
 
@@ -303,21 +303,6 @@ impl Mouth {
         let session = self.shared.session.read().unwrap_or_else(PoisonError::into_inner);
         let Some(session) = &*session else { return 0 };
         session.info().peers_zid().wait().count() + session.info().routers_zid().wait().count()
-    }
-}
-
-/// Publishes as long as the bus is there; for what the bus itself holds on to, such as its ear.
-#[derive(Clone)]
-pub struct Reply {
-    shared: Weak<Shared>,
-}
-
-impl Reply {
-    /// Publishes a message; nothing when the bus is gone.
-    pub fn publish(&self, message: &Message) {
-        if let Some(shared) = self.shared.upgrade() {
-            Mouth { shared }.publish(message);
-        }
     }
 }
 
@@ -340,7 +325,7 @@ impl Shared {
             }
             false => settings_error(&error),
         })?;
-        for key in heard_by(self.settings.node) {
+        for key in subjects::heard_by(self.settings.node) {
             let weak = Arc::downgrade(self);
             let hear = move |sample: zenoh::sample::Sample| {
                 if let Some(shared) = weak.upgrade() {
@@ -371,9 +356,9 @@ impl Shared {
     }
 
     /// Encodes a message; one that cannot be sent is a trouble until one of its kind can.
-    fn frame(&self, message: &Message) -> Option<Vec<u8>> {
+    fn frame(&self, message: &Message) -> Option<OutboundFrame> {
         let who = || format!("bus: {}", message.word());
-        match codec::encode(message) {
+        match OutboundFrame::of(message) {
             Ok(frame) => {
                 if self.has_failed.load(Ordering::Relaxed) {
                     self.troubles.clear(&who());
@@ -435,110 +420,83 @@ impl Shared {
     /// Sends what is due, or waits for more: it looks and begins to wait under one lock, so that nothing that is offered
     /// meanwhile is overlooked.
     fn drain(&self) {
-        let mut egress = lock(&self.egress);
+        let mut exchange = lock(&self.exchange);
         let now = self.clock.now();
-        let due: Vec<Parcel> = std::iter::from_fn(|| egress.due(now)).collect();
+        let due = exchange.due(now);
         if due.is_empty() {
-            let wait = egress.next().map_or(LOOKS_EVERY, |at| at.since(now)).min(LOOKS_EVERY);
+            let wait = exchange.deadline().map_or(LOOKS_EVERY, |at| at.since(now)).min(LOOKS_EVERY);
             if !self.is_closing.load(Ordering::Relaxed) {
-                drop(self.more.wait_timeout(egress, wait));
+                drop(self.more.wait_timeout(exchange, wait));
             }
             return;
         }
-        drop(egress);
-        due.into_iter().for_each(|parcel| self.send(parcel));
+        drop(exchange);
+        due.into_iter().for_each(|frame| self.send(frame));
     }
 
     fn wait_for_more(&self, wait: Duration) {
-        let egress = lock(&self.egress);
+        let exchange = lock(&self.exchange);
         if !self.is_closing.load(Ordering::Relaxed) {
-            drop(self.more.wait_timeout(egress, wait));
+            drop(self.more.wait_timeout(exchange, wait));
         }
     }
 
-    fn send(&self, parcel: Parcel) {
+    fn send(&self, frame: OutboundFrame) {
         let session = self.session.read().unwrap_or_else(PoisonError::into_inner);
         let Some(session) = &*session else { return };
         self.sent.fetch_add(1, Ordering::Relaxed);
-        self.sent_bytes.fetch_add(parcel.frame.len() as u64, Ordering::Relaxed);
-        let (priority, is_express) = match parcel.class {
+        self.sent_bytes.fetch_add(frame.frame.len() as u64, Ordering::Relaxed);
+        let (priority, is_express) = match frame.class {
             Class::Urgent => (Priority::RealTime, true),
             Class::High => (Priority::InteractiveHigh, false),
             Class::Normal => (Priority::Data, false),
             Class::Low => (Priority::Background, false),
         };
-        let key = format!("{}/{}", self.settings.prefix, parcel.key);
-        let put = session.put(key, parcel.frame).congestion_control(CongestionControl::Drop);
+        let key = format!("{}/{}", self.settings.prefix, subjects::key(self.settings.node, frame.subject));
+        let put = session.put(&key, frame.frame).congestion_control(CongestionControl::Drop);
         if let Err(error) = put.priority(priority).express(is_express).wait() {
-            tracing::debug!("not published under {}: {error}", parcel.key);
+            tracing::debug!("not published under {key}: {error}");
         }
     }
 
-    /// Judges what came, and lets the node hear it.
+    /// Lets the exchange judge what came, and the node hear it. The exchange is not locked while the frame is read.
     fn take(&self, full_key: &str, bytes: &[u8]) {
         let now = self.clock.now();
         let key = full_key.strip_prefix(&self.settings.prefix).and_then(|key| key.strip_prefix('/'));
         let Some((key, sender)) = key.and_then(|key| Some((key, Key::sender(key)?))) else {
-            return self.refuse(None, "a key of no sender", &full_key);
+            return self.refuse(None, full_key, &Refusal::NoSender);
         };
-        let share = |ingress: &mut Ingress| {
-            let per_s = INGRESS_SHARE * f64::from(self.settings.egress_bytes_per_s);
-            let fresh = || Allowance::new(per_s, INGRESS_SAVED_S * per_s);
-            ingress.allowances.entry(sender).or_insert_with(fresh).spend(now, bytes.len())
+        let admitted = lock(&self.exchange).admit(now, sender, bytes.len());
+        let heard = admitted.and_then(|()| read(sender, bytes)).and_then(|heard| under_its_key(heard, key));
+        let heard = match heard {
+            Ok(heard) => heard,
+            Err(refusal) => return self.refuse(Some(sender), key, &refusal),
         };
-        if !share(&mut lock(&self.ingress)) {
-            return self.refuse(Some(sender), "more than its share of the bus", &key);
-        }
-        match self.read(sender, key, bytes) {
-            Ok(heard) => {
-                self.heard_at.store(now.as_nanos(), Ordering::Relaxed);
-                self.has_heard.store(true, Ordering::Relaxed);
-                self.taken.fetch_add(1, Ordering::Relaxed);
-                self.taken_bytes.fetch_add(bytes.len() as u64, Ordering::Relaxed);
-                (self.ear)(heard);
-            }
-            Err(reason) => self.refuse(Some(sender), "a frame", &reason),
-        }
-    }
-
-    fn read(&self, sender: Sender, key: &str, bytes: &[u8]) -> Result<Heard, String> {
-        if bytes.len() > LIMIT {
-            return Err(format!("{} bytes under {key}, longer than any message", bytes.len()));
-        }
-        if let Ok(greeting) = codec::greeting(bytes) {
-            if greeting.node != sender {
-                return Err(format!("a greeting of {} under {key}", greeting.node));
-            }
-            return match codec::decode(bytes) {
-                Ok(Message::Hello(hello)) => Ok(Heard::Greeting(greeting, Some(hello))),
-                Err(DecodeError::Version { .. }) => Ok(Heard::Greeting(greeting, None)),
-                Ok(other) => Err(format!("{other:?} that begins as a greeting")),
-                Err(error) => Err(format!("{error} (under {key})")),
-            };
-        }
-        let message = codec::decode(bytes).map_err(|error| format!("{error} (under {key})"))?;
-        if message.author().is_some_and(|author| author != sender)
-            || Key::of(sender, &message).as_str() != key
-        {
-            return Err(format!("what {sender} may not say, under {key}"));
-        }
-        let is_order = matches!(message, Message::Order(_));
-        if is_order && matches!(sender, Sender::Vehicle(_)) {
-            return Err(format!("an order of {sender}"));
-        }
-        Ok(Heard::Message(sender, message))
+        self.heard_at.store(now.as_nanos(), Ordering::Relaxed);
+        self.has_heard.store(true, Ordering::Relaxed);
+        let Reception { heard, verdict, reply } = lock(&self.exchange).accept(now, bytes.len(), heard);
+        (self.subscriber)(heard, verdict);
+        reply.into_iter().for_each(|frame| self.send(frame));
     }
 
     /// Counts what is refused, and logs it when its number is a power of ten.
-    fn refuse(&self, sender: Option<Sender>, what: &'static str, reason: &dyn std::fmt::Display) {
-        self.refused.fetch_add(1, Ordering::Relaxed);
-        let mut ingress = lock(&self.ingress);
-        let count = ingress.logged.entry((sender, what)).or_default();
-        *count += 1;
-        if 10_u64.pow(count.ilog10()) == *count {
-            let who = sender.map_or("somebody".to_owned(), |sender| sender.to_string());
-            tracing::warn!("refused {what} of {who} ({count} so far): {reason}");
+    fn refuse(&self, sender: Option<Sender>, key: &str, refusal: &Refusal) {
+        let worth_a_line = lock(&self.exchange).refuse(sender, refusal);
+        if let Some(count) = worth_a_line {
+            let (what, who) =
+                (refusal.what(), sender.map_or("somebody".to_owned(), |sender| sender.to_string()));
+            tracing::warn!("refused {what} of {who} ({count} so far): {refusal} (under {key})");
         }
+    }
+}
+
+/// Lets a message pass that came under the key that belongs to it; greetings are looked at wherever they come.
+fn under_its_key(heard: Heard, key: &str) -> Result<Heard, Refusal> {
+    match &heard {
+        Heard::Message(sender, message) if subjects::key(*sender, Subject::of(message)) != key => {
+            Err(Refusal::NotItsToSay { sender: *sender })
+        }
+        Heard::Message(..) | Heard::Greeting(..) => Ok(heard),
     }
 }
 

@@ -23,10 +23,10 @@ use std::thread::JoinHandle;
 use std::time::Duration;
 
 use super::clock::Clock;
-use super::restarts::Restarts;
 use serde::Serialize;
 
 use crate::actor::{Actor, Fault, Inbox, Input, Seat, Step};
+use crate::exchange::restarts::Restarts;
 use crate::store::recording::{Deed, Recorder, Scribe};
 use crate::time::Time;
 

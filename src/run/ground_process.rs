@@ -21,7 +21,7 @@ use self::keeper::{Wanted, keeper};
 use super::bus::{BusError, Mouth};
 use super::desk::{Troubles, lock};
 use super::ground::{Desks, Makers, seat_all};
-use super::herald::Herald;
+use super::member::Member;
 use super::membership::{self, NoChance};
 use super::process::{Finish, Process};
 use super::state_dir::{StateDir, StateDirError};
@@ -103,30 +103,32 @@ pub fn run(
     let desks = Desks::default();
     let (to_store, wanted) = sync_channel(QUEUE);
     let ear = Ear { desks: desks.clone(), store: to_store.clone(), expected: expected(file) };
-    let mut herald = process.join(bus, hello, move |sender, message| ear.take(sender, message))?;
+    let mut member = process.join(bus, hello, move |sender, message| ear.take(sender, message))?;
     let troubles = process.office().troubles.clone();
     let edge = Arc::new(Edge {
-        mouth: herald.mouth(),
+        mouth: member.mouth(),
         archive: Arc::new(Archive::new(store, troubles.clone())),
         troubles: troubles.clone(),
         compare_with: file.compare_with,
         report: Mutex::default(),
     });
     let told = desks.clone();
-    let keeper = keeper(edge.archive.clone(), wanted, move |message| told.tell(Event::Bus(message)))?;
+    let keeper = keeper(edge.archive.clone(), wanted, move |batch| {
+        told.tell(Event::Bus(Sender::Vehicle(batch.vehicle), Message::Samples(batch)));
+    })?;
     let lattice = crate::geom::Lattice::new(file.venue.cell_m);
     let recorder = recorder(file.record, &state_dir, "ground", text, lattice);
     let of_actors = edge.clone();
     let carry_out = move |effect| of_actors.carry_out(effect);
     let threads = seat_all(process.office(), &desks, makers, recorder.as_ref(), carry_out)?;
-    let mut tick = |_: Time, _: &Herald, troubles: &Troubles| {
+    let mut tick = |_: Time, _: &Member, troubles: &Troubles| {
         watch_recorder(recorder.as_ref(), troubles);
         let report = lock(&edge.report).clone();
         status(&Status { report, links: edge.mouth.links(), troubles: troubles.list() });
     };
-    let finish = process.keep(&mut herald, is_stopped, &|now| desks.busy_for(now), &mut tick);
+    let finish = process.keep(&mut member, is_stopped, &|now| desks.busy_for(now), &mut tick);
     desks.close();
-    herald.close();
+    member.close();
     // Who panicked has said so already.
     threads.into_iter().for_each(|thread| drop(thread.join()));
     // The bus's ear lives as long as anyone holds its mouth, so the queue never ends by itself.
@@ -230,7 +232,7 @@ impl Ear {
             }
             Message::Tile(report) => {
                 drop(self.store.try_send(Wanted::Tile(report.clone())));
-                self.desks.tell(Event::Bus(Message::Tile(report)));
+                self.desks.tell(Event::Bus(sender, Message::Tile(report)));
             }
             Message::State(_)
             | Message::Digest(_)
@@ -241,7 +243,7 @@ impl Ear {
             | Message::Have(_)
             | Message::Beacon(_)
             | Message::Health(_)
-            | Message::Report(_) => self.desks.tell(Event::Bus(message)),
+            | Message::Report(_) => self.desks.tell(Event::Bus(sender, message)),
         }
     }
 }

@@ -5,21 +5,17 @@
 
 #![allow(clippy::disallowed_methods, reason = "the shell reads clocks, starts threads and waits")]
 
-pub mod allowance;
 pub mod bus;
 pub mod clock;
 pub mod desk;
 pub mod door;
-pub mod egress;
 pub mod ground;
 pub mod ground_process;
-pub mod herald;
-pub mod joining;
 pub mod link;
 pub mod live;
+pub mod member;
 pub mod membership;
 pub mod process;
-pub mod restarts;
 pub mod state_dir;
 pub mod subjects;
 pub mod trust;

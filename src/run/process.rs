@@ -15,7 +15,7 @@ use tomoswarm_proto::Message;
 use super::bus::{BusError, BusSettings};
 use super::clock::Clock;
 use super::desk::{Ending, Office, Troubles};
-use super::herald::Herald;
+use super::member::Member;
 use crate::time::Time;
 use tomoswarm_proto::{Hello, Sender};
 
@@ -65,18 +65,18 @@ impl Process {
         settings: BusSettings,
         own: Hello,
         hear: impl Fn(Sender, Message) + Send + Sync + 'static,
-    ) -> Result<Herald, BusError> {
-        Herald::open(settings, own, &self.office, hear)
+    ) -> Result<Member, BusError> {
+        Member::open(settings, own, &self.office, hear)
     }
 
     /// Asks whether it may take part, until it does; gives how it ended if it may not, or was asked to stop meanwhile.
-    pub fn ask(&mut self, herald: &mut Herald, is_stopped: &dyn Fn() -> bool) -> Option<Finish> {
+    pub fn ask(&mut self, member: &mut Member, is_stopped: &dyn Fn() -> bool) -> Option<Finish> {
         loop {
-            let next = herald.greet(self.office.clock.now());
+            let next = member.greet(self.office.clock.now());
             if is_stopped() {
                 return Some(Finish::Asked);
             }
-            if herald.is_member() {
+            if member.is_member() {
                 return None;
             }
             let wait = next.since(self.office.clock.now()).min(LOOKS_EVERY);
@@ -90,16 +90,16 @@ impl Process {
     /// actor has been acting; `tick` is called once a second.
     pub fn keep(
         &mut self,
-        herald: &mut Herald,
+        member: &mut Member,
         is_stopped: &dyn Fn() -> bool,
         busy_for: &dyn Fn(Time) -> Duration,
-        tick: &mut dyn FnMut(Time, &Herald, &Troubles),
+        tick: &mut dyn FnMut(Time, &Member, &Troubles),
     ) -> Finish {
         let mut is_ready = false;
         loop {
             let now = self.office.clock.now();
-            let next = herald.greet(now);
-            if herald.is_member() && !is_ready {
+            let next = member.greet(now);
+            if member.is_member() && !is_ready {
                 is_ready = true;
                 notify(&[NotifyState::Ready]);
             }
@@ -108,7 +108,7 @@ impl Process {
             }
             if now.since(self.ticked) >= TICK {
                 self.ticked = now;
-                tick(now, herald, &self.office.troubles);
+                tick(now, member, &self.office.troubles);
             }
             if is_stopped() {
                 notify(&[NotifyState::Stopping]);

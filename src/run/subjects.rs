@@ -1,32 +1,106 @@
-//! Which keys a node listens to, without the venue's prefix. Written in the bus's key expressions: `*` is one part, `**`
-//! any number.
+//! Keys as the bus between processes writes them: `<sender>/<kind>[/<what it is about>]`, without the venue's prefix. The
+//! only place where they are text; who hears and says what is [`crate::exchange::table`]'s.
+//!
+//! In key expressions `*` is one part, `**` any number.
 
-use tomoswarm_proto::Sender;
+use tomoswarm_proto::{Sender, VehicleId};
 
-/// Gives the key expressions that concern a node.
-pub fn heard_by(node: Sender) -> Vec<String> {
-    match node {
-        Sender::Vehicle(id) => {
-            let from_ground = ["hello", "have", "digest", "report", "plan/*", "tile/**", "want/**"]
-                .map(|key| format!("ground/{key}"));
-            let from_peers = ["hello", "state", "progress", "digest", "tile/**", "want/**"]
-                .map(|key| format!("vehicle/*/{key}"));
-            let orders =
-                [format!("ground/order/{id}"), format!("operator/order/{id}"), "operator/hello".to_owned()];
-            from_ground.into_iter().chain(from_peers).chain(orders).collect()
+use crate::exchange::table::{About, Audience, Row, Subject, TABLE, Topic, Vehicles};
+
+/// Those who say something, as patterns of keys.
+const ROLES: [(&str, fn(&Row) -> Option<Audience>); 3] = [
+    ("vehicle/*", |row| row.of_vehicle),
+    ("ground", |row| row.of_ground),
+    ("operator", |row| row.of_operator),
+];
+
+/// Returns the key of what a sender says about a subject.
+pub fn key(sender: Sender, subject: Subject) -> String {
+    let (who, what) = (sender.prefix(), subject.kind.row().word);
+    match subject.about {
+        About::Sender => format!("{who}/{what}"),
+        About::Vehicle(vehicle) => format!("{who}/{what}/{vehicle}"),
+        About::Layer(layer) => format!("{who}/{what}/{}/{}", layer.vehicle, layer.boot),
+        About::Tile(layer, at) => {
+            format!("{who}/{what}/{}/{}/{}/{}/{}", layer.vehicle, layer.boot, at.slice, at.x, at.y)
         }
-        // The other ground's report tells who holds the lease.
-        Sender::Ground => {
-            ["vehicle/**", "ground/hello", "ground/report", "operator/hello"].map(str::to_owned).to_vec()
-        }
-        Sender::Operator => vec!["**".to_owned()],
     }
+}
+
+/// Returns the key expressions under which a node writes: all that begin with its own name.
+pub fn written_by(node: Sender) -> Vec<String> {
+    vec![format!("{}/**", node.prefix())]
+}
+
+/// Returns the key expressions that concern a node. Who hears all that some kind of sender says listens to everything
+/// under that sender's keys, and so also counts what it does not know.
+pub fn heard_by(node: Sender) -> Vec<String> {
+    let heard = ROLES.map(|(role, audience)| (role, heard_of(node, role, audience)));
+    let everything = |role: &str| vec![format!("{role}/**")];
+    if heard.iter().all(|(role, keys)| *keys == everything(role)) {
+        return vec!["**".to_owned()];
+    }
+    heard.into_iter().flat_map(|(_, keys)| keys).collect()
+}
+
+/// Returns the key expressions under which a node hears those of one role.
+fn heard_of(node: Sender, role: &str, audience: fn(&Row) -> Option<Audience>) -> Vec<String> {
+    let on_the_bus = TABLE.iter().filter_map(|row| audience(row).map(|audience| (row, audience)));
+    let on_the_bus: Vec<_> = on_the_bus.filter(|(_, audience)| !audience.is_nobody()).collect();
+    let pattern = |(row, audience): &(&Row, Audience)| match node {
+        Sender::Vehicle(id) => heard_by_vehicle(id, role, row, audience.vehicles),
+        Sender::Ground => audience.ground.then(|| about_anything(role, row)),
+        Sender::Operator => audience.operators.then(|| about_anything(role, row)),
+    };
+    let heard: Vec<String> = on_the_bus.iter().filter_map(pattern).collect();
+    let hears_all = !matches!(node, Sender::Vehicle(_)) && heard.len() == on_the_bus.len();
+    if hears_all { vec![format!("{role}/**")] } else { heard }
+}
+
+fn heard_by_vehicle(id: VehicleId, role: &str, row: &Row, vehicles: Vehicles) -> Option<String> {
+    match vehicles {
+        Vehicles::None => None,
+        Vehicles::Addressed => Some(format!("{role}/{}/{id}", row.word)),
+        Vehicles::All => Some(about_anything(role, row)),
+    }
+}
+
+fn about_anything(role: &str, row: &Row) -> String {
+    let tail = match row.topic {
+        Topic::Sender => "",
+        Topic::Vehicle => "/*",
+        Topic::Layer | Topic::Tile => "/**",
+    };
+    format!("{role}/{}{tail}", row.word)
 }
 
 #[cfg(test)]
 mod tests {
+    use std::collections::BTreeSet;
+
     use super::*;
-    use tomoswarm_proto::VehicleId;
+    use crate::exchange::examples::examples;
+    use crate::exchange::table::{Kind, may_say};
+    use tomoswarm_proto::Key;
+
+    const NODES: [Sender; 4] =
+        [Sender::Vehicle(VehicleId(2)), Sender::Vehicle(VehicleId(3)), Sender::Ground, Sender::Operator];
+
+    /// Tells whether a key expression covers a key.
+    fn covers(expression: &str, key: &str) -> bool {
+        let (first, rest) = expression.split_once('/').unwrap_or((expression, ""));
+        let (part, others) = key.split_once('/').unwrap_or((key, ""));
+        match (first, key.is_empty()) {
+            ("**", _) => true,
+            (_, true) => expression.is_empty(),
+            ("*", false) => covers(rest, others),
+            (word, false) => word == part && covers(rest, others),
+        }
+    }
+
+    fn any_covers(expressions: &[String], key: &str) -> bool {
+        expressions.iter().any(|expression| covers(expression, key))
+    }
 
     #[test]
     fn a_vehicle_hears_orders_to_itself_alone() {
@@ -39,5 +113,75 @@ mod tests {
                 .iter()
                 .any(|key| key == "ground/**" || key.ends_with("order/*") || key.ends_with("samples"))
         );
+    }
+
+    #[test]
+    fn the_subscriptions_of_each_kind_of_node_are_these() {
+        let of_vehicle = [
+            "ground/hello",
+            "ground/have",
+            "ground/digest",
+            "ground/report",
+            "ground/plan/*",
+            "ground/tile/**",
+            "ground/want/**",
+            "vehicle/*/hello",
+            "vehicle/*/state",
+            "vehicle/*/progress",
+            "vehicle/*/digest",
+            "vehicle/*/tile/**",
+            "vehicle/*/want/**",
+            "ground/order/3",
+            "operator/order/3",
+            "operator/hello",
+        ];
+        let of_ground = ["vehicle/**", "ground/hello", "ground/report", "operator/hello"];
+        let check = |node, expected: &[&str]| {
+            let heard = heard_by(node);
+            let distinct: BTreeSet<&str> = heard.iter().map(String::as_str).collect();
+            assert_eq!(distinct, expected.iter().copied().collect());
+            assert_eq!(distinct.len(), heard.len(), "nothing is heard twice");
+        };
+        check(Sender::Vehicle(VehicleId(3)), &of_vehicle);
+        check(Sender::Ground, &of_ground);
+        check(Sender::Operator, &["**"]);
+    }
+
+    #[test]
+    fn a_key_is_what_the_wire_says_it_is() {
+        for (word, message) in examples() {
+            for sender in NODES {
+                let text = key(sender, Subject::of(&message));
+                assert_eq!(text, Key::of(sender, &message).as_str(), "{word}");
+                assert_eq!(Key::sender(&text), Some(sender));
+            }
+        }
+    }
+
+    #[test]
+    fn a_node_subscribes_to_what_the_table_says_that_it_hears_and_to_no_more_of_what_may_be_said() {
+        for (word, message) in examples() {
+            let (kind, subject) = (Kind::of(&message), Subject::of(&message));
+            for (sender, node) in NODES.into_iter().flat_map(|sender| NODES.map(|node| (sender, node))) {
+                let Some(audience) = kind.row().audience(sender).filter(|audience| !audience.is_nobody())
+                else {
+                    continue;
+                };
+                let is_heard = any_covers(&heard_by(node), &key(sender, subject));
+                assert_eq!(is_heard, audience.includes(node, subject.about), "{word} of {sender} by {node}");
+            }
+        }
+    }
+
+    #[test]
+    fn a_node_writes_under_its_own_keys_all_that_it_may_say_and_nothing_of_others() {
+        for (_, message) in examples() {
+            for (sender, node) in NODES.into_iter().flat_map(|sender| NODES.map(|node| (sender, node))) {
+                let key = key(sender, Subject::of(&message));
+                let is_written = any_covers(&written_by(node), &key);
+                assert!(!may_say(sender, &message) || sender != node || is_written, "{node}: {key}");
+                assert!(sender == node || !is_written, "{node} writes {key}");
+            }
+        }
     }
 }

@@ -14,8 +14,8 @@ use tomoswarm_proto::{Health, Message, Mode, Sender, State, VehicleId};
 use super::bus::{BusError, Mouth};
 use super::clock::Clock;
 use super::desk::{Troubles, lock};
-use super::herald::Herald;
 use super::link::{LinkSettings, LinkState, WorldLink};
+use super::member::Member;
 use super::membership::{self, NoChance};
 use super::process::{Finish, Process};
 use super::state_dir::{StateDir, StateDirError};
@@ -171,23 +171,24 @@ pub fn run(
     let told = desks.clone();
     let access = membership::access(node, &file.venue, &file.bus, Some(&state_dir))?;
     let bus = membership::bus_settings(node, &file.venue, &file.bus, access);
-    let mut herald = process.join(bus, hello, move |_, message| told.tell(Event::Bus(message)))?;
+    let mut member =
+        process.join(bus, hello, move |sender, message| told.tell(Event::Bus(sender, message)))?;
     // Nothing is driven by a node that may not take part.
-    if let Some(finish) = process.ask(&mut herald, is_stopped) {
-        herald.close();
+    if let Some(finish) = process.ask(&mut member, is_stopped) {
+        member.close();
         return Ok(finish);
     }
     let last = Arc::new(Mutex::<Last>::default());
     let world = link(file, &state_dir, desks.clone(), last.clone())?;
     let outbox = outbox(file, &state_dir, desks.clone())?;
     let clock = process.office().clock;
-    let edge = Arc::new(Edge { mouth: herald.mouth(), world, outbox, last, desks: desks.clone(), clock });
+    let edge = Arc::new(Edge { mouth: member.mouth(), world, outbox, last, desks: desks.clone(), clock });
     let of_actors = edge.clone();
     let recorder = recorder(file.record, &state_dir, &format!("vehicle/{}", file.id), text, settings.lattice);
     let carry_out = move |effect| of_actors.carry_out(effect);
     let threads = seat_all(process.office(), &desks, &settings, recorder.as_ref(), carry_out)?;
     let mut said_at = Time::ZERO;
-    let mut tick = |now: Time, herald: &Herald, troubles: &Troubles| {
+    let mut tick = |now: Time, member: &Member, troubles: &Troubles| {
         edge.watch_world(troubles);
         edge.watch_devices(troubles);
         edge.watch_disk(troubles);
@@ -200,18 +201,18 @@ pub fn run(
         status(&Status {
             state,
             links: edge.mouth.links(),
-            is_member: herald.is_member(),
+            is_member: member.is_member(),
             troubles: troubles.list(),
         });
     };
-    let finish = process.keep(&mut herald, is_stopped, &|now| desks.busy_for(now), &mut tick);
+    let finish = process.keep(&mut member, is_stopped, &|now| desks.busy_for(now), &mut tick);
     edge.come_to_rest(&threads);
     desks.close();
     threads.join();
     edge.stop();
     // Nobody else holds them: what is not on disk yet is written now.
     drop((edge, recorder));
-    herald.close();
+    member.close();
     Ok(finish)
 }
 

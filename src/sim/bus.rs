@@ -1,5 +1,5 @@
-//! The bus between nodes, in memory: every message is encoded once by the sender's side and decoded
-//! by each receiver's, so that what cannot travel does not. It delays, drops, doubles, reorders and
+//! The bus between nodes, in memory: every message is encoded once and decoded once, whoever receives it, so that what
+//! cannot travel does not. It delays, drops, doubles, reorders and
 //! partitions by noise keyed by sender, count and receiver; nobody's traffic changes another's luck.
 //!
 //! It stores nothing: what is not delivered is gone. The caller hands the frames over in time.
@@ -13,6 +13,7 @@ use tomoswarm_proto::{Message, VehicleId};
 
 use super::noise::{Noise, Purpose};
 use crate::config::Partition;
+use crate::exchange::table::{About, Subject, Vehicles};
 use crate::time::Time;
 
 /// A node of the swarm: the ground station or a vehicle.
@@ -49,15 +50,45 @@ impl Default for BusModel {
     }
 }
 
+/// A message as it travels: what its receivers read, with the length of its bytes.
+#[derive(PartialEq, Debug)]
+pub struct Frame {
+    sender: NodeId,
+    bytes: usize,
+    /// What decoding the bytes gave; the same for every receiver.
+    read: Result<Message, DecodeError>,
+}
+
+impl Frame {
+    /// Encodes a message, and reads it again as its receivers will.
+    ///
+    /// # Errors
+    /// The message is too long for a frame.
+    pub fn new(sender: NodeId, message: &Message) -> Result<Frame, EncodeError> {
+        let bytes = encode(message)?;
+        Ok(Frame { sender, bytes: bytes.len(), read: decode(&bytes) })
+    }
+
+    /// Returns who said it.
+    pub fn sender(&self) -> NodeId {
+        self.sender
+    }
+
+    /// Returns its length, bytes.
+    pub fn bytes(&self) -> usize {
+        self.bytes
+    }
+}
+
 /// A frame that reaches a node.
-#[derive(Clone, PartialEq, Eq, Debug)]
+#[derive(Clone, PartialEq, Debug)]
 pub struct Delivery {
     /// When.
     pub at: Time,
     /// Whom.
     pub to: NodeId,
-    /// The bytes, for [`deliver`].
-    pub frame: Arc<[u8]>,
+    /// What arrives, for [`deliver`].
+    pub frame: Arc<Frame>,
 }
 
 /// What a node has sent and was sent.
@@ -104,8 +135,8 @@ impl Bus {
         message: &Message,
         receivers: &[NodeId],
     ) -> Result<Vec<Delivery>, EncodeError> {
-        let frame: Arc<[u8]> = encode(message)?.into();
-        let bytes = frame.len() as u64;
+        let frame = Arc::new(Frame::new(sender, message)?);
+        let bytes = frame.bytes() as u64;
         let traffic = self.traffic.entry(sender).or_default();
         let count = traffic.sent_messages;
         traffic.sent_messages += 1;
@@ -160,24 +191,29 @@ impl Bus {
 ///
 /// # Errors
 /// The frame holds values that no message may have.
-pub fn deliver(frame: &[u8]) -> Result<Message, DecodeError> {
-    decode(frame)
+pub fn deliver(frame: &Frame) -> Result<Message, &DecodeError> {
+    frame.read.as_ref().map(Message::clone)
 }
 
-/// Gives who subscribes to a message, in a swarm of these vehicles and a ground station.
-pub fn receivers(message: &Message, vehicles: impl Iterator<Item = VehicleId>) -> Vec<NodeId> {
-    let vehicles = vehicles.map(NodeId::Vehicle);
-    match message {
-        Message::Samples(_) | Message::Health(_) => vec![NodeId::Ground],
-        Message::Order(order) => vec![NodeId::Vehicle(order.vehicle)],
-        Message::Plan(_) | Message::Have(_) | Message::Report(_) => vehicles.collect(),
-        Message::State(_)
-        | Message::Tile(_)
-        | Message::Digest(_)
-        | Message::Want(_)
-        | Message::Progress(_)
-        | Message::Hello(_) => vehicles.chain([NodeId::Ground]).collect(),
-        Message::Beacon(_) => Vec::new(),
+/// Returns who hears what a sender says, in a swarm of these vehicles and a ground station: the vehicles first, in the order
+/// that is given. There is no operator on the simulated bus.
+pub fn receivers(
+    sender: NodeId,
+    message: &Message,
+    vehicles: impl Iterator<Item = VehicleId>,
+) -> Vec<NodeId> {
+    let subject = Subject::of(message);
+    let Some(audience) = subject.kind.row().audience(sender) else { return Vec::new() };
+    let ground = audience.ground.then_some(NodeId::Ground);
+    match (audience.vehicles, subject.about) {
+        (Vehicles::All, _) => vehicles.map(NodeId::Vehicle).chain(ground).collect(),
+        // An order for a vehicle that is not there is lost as any other can be.
+        (Vehicles::Addressed, About::Vehicle(vehicle)) => {
+            [NodeId::Vehicle(vehicle)].into_iter().chain(ground).collect()
+        }
+        (Vehicles::Addressed, About::Sender | About::Layer(_) | About::Tile(..)) | (Vehicles::None, _) => {
+            ground.into_iter().collect()
+        }
     }
 }
 
@@ -192,6 +228,8 @@ fn number(node: NodeId) -> u64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::exchange::examples::examples;
+    use crate::exchange::table::may_say;
     use tomoswarm_proto::{Progress, RunId, TileAddress, Want};
 
     const A: NodeId = NodeId::Vehicle(VehicleId(1));
@@ -221,6 +259,14 @@ mod tests {
     }
 
     #[test]
+    fn a_frame_is_read_once_for_all_and_names_its_sender() {
+        let (_, sent) = send_many(BusModel::default(), 1);
+        assert_eq!(sent.len(), 2);
+        assert!(Arc::ptr_eq(&sent[0].frame, &sent[1].frame));
+        assert_eq!(sent[0].frame.sender(), A);
+    }
+
+    #[test]
     fn shares_of_loss_and_doubles_are_kept() {
         let model = BusModel { drop_share: 0.2, duplicate_share: 0.1, ..BusModel::default() };
         let (bus, sent) = send_many(model, 10_000);
@@ -234,7 +280,7 @@ mod tests {
     #[test]
     fn messages_and_bytes_are_counted_by_node() {
         let (bus, sent) = send_many(BusModel::default(), 10);
-        let bytes: u64 = sent.iter().map(|delivery| delivery.frame.len() as u64).sum();
+        let bytes: u64 = sent.iter().map(|delivery| delivery.frame.bytes() as u64).sum();
         assert_eq!(bus.traffic()[&A].sent_messages, 10);
         assert_eq!(bus.traffic()[&A].sent_bytes * 2, bytes);
         assert_eq!(bus.traffic()[&B].delivered_bytes * 2, bytes);
@@ -273,6 +319,35 @@ mod tests {
             deliveries
         };
         assert_eq!(sorted(alone), sorted(among_others));
+    }
+
+    /// Who subscribed to what before there was a table.
+    fn subscribers(message: &Message) -> Vec<NodeId> {
+        match message {
+            Message::Samples(_) | Message::Health(_) => vec![NodeId::Ground],
+            Message::Order(order) => vec![NodeId::Vehicle(order.vehicle)],
+            Message::Plan(_) | Message::Have(_) | Message::Report(_) => vec![A, B],
+            Message::State(_)
+            | Message::Tile(_)
+            | Message::Digest(_)
+            | Message::Want(_)
+            | Message::Progress(_)
+            | Message::Hello(_) => vec![A, B, NodeId::Ground],
+            Message::Beacon(_) => Vec::new(),
+        }
+    }
+
+    #[test]
+    fn whoever_may_say_a_message_is_heard_by_its_subscribers() {
+        for (word, message) in examples() {
+            for sender in ALL.into_iter().filter(|sender| may_say(*sender, &message)) {
+                let others = |nodes: Vec<NodeId>| -> Vec<NodeId> {
+                    nodes.into_iter().filter(|node| *node != sender).collect()
+                };
+                let heard_by = receivers(sender, &message, [VehicleId(1), VehicleId(2)].into_iter());
+                assert_eq!(others(heard_by), others(subscribers(&message)), "{word} of {sender}");
+            }
+        }
     }
 
     #[test]

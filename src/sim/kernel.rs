@@ -17,10 +17,10 @@ mod scripted;
 use std::sync::Arc;
 use std::time::Duration;
 
-use tomoswarm_proto::{Beacon, Message, VehicleId};
+use tomoswarm_proto::{Beacon, Message, VehicleId, codec};
 
 pub(super) use self::recorded::Recording;
-use super::bus::{Bus, NodeId, deliver, receivers};
+use super::bus::{Bus, Frame, NodeId, deliver, receivers};
 use super::disk::Disk;
 use super::faults::{Faults, Turn};
 use super::noise::Noise;
@@ -48,7 +48,7 @@ enum Event {
     Telemetry { vehicle: usize },
     Track,
     Later(Later),
-    Deliver { to: NodeId, frame: Arc<[u8]> },
+    Deliver { to: NodeId, frame: Arc<Frame> },
     Script(Step),
     Fault(Turn),
 }
@@ -373,19 +373,20 @@ impl Kernel {
     }
 
     fn hear(&mut self, frame: &[u8], receivers: &[(usize, i16)]) -> Result<(), Fault> {
+        let Ok(Message::Beacon(beacon)) = codec::decode(frame) else { return Ok(()) };
         for (to, rssi_dbm) in receivers {
             if self.faults.cut_radio(self.now, self.vehicles[*to].id()) {
                 continue;
             }
-            let Ok(Message::Beacon(beacon)) = deliver(frame) else { continue };
             self.record.counts.beacons_heard += 1;
-            self.tell(*to, node::Event::Heard(Heard { beacon, rssi_dbm: *rssi_dbm }))?;
+            let heard = Heard { beacon: beacon.clone(), rssi_dbm: *rssi_dbm };
+            self.tell(*to, node::Event::Heard(heard))?;
         }
         Ok(())
     }
 
     fn publish(&mut self, sender: NodeId, message: &Message) {
-        let receivers = receivers(message, self.vehicles.iter().map(VehicleNode::id));
+        let receivers = receivers(sender, message, self.vehicles.iter().map(VehicleNode::id));
         // A message too long for a frame is dropped here as a live bus would drop it.
         let Ok(deliveries) = self.bus.send(self.now, sender, message, &receivers) else { return };
         for delivery in deliveries {
@@ -393,7 +394,7 @@ impl Kernel {
         }
     }
 
-    fn deliver(&mut self, to: NodeId, frame: &[u8]) -> Result<(), Fault> {
+    fn deliver(&mut self, to: NodeId, frame: &Frame) -> Result<(), Fault> {
         let message = match deliver(frame) {
             Ok(message) => message,
             Err(error) => {
@@ -402,12 +403,13 @@ impl Kernel {
             }
         };
         self.record.counts.messages += 1;
+        let sender = frame.sender();
         match to {
-            NodeId::Ground => self.tell_ground(ground::Event::Bus(message)),
+            NodeId::Ground => self.tell_ground(ground::Event::Bus(sender, message)),
             // In the simulation the scenario is the operator.
             NodeId::Operator => Ok(()),
             NodeId::Vehicle(id) => match self.index_of(id) {
-                Some(vehicle) => self.tell(vehicle, node::Event::Bus(message)),
+                Some(vehicle) => self.tell(vehicle, node::Event::Bus(sender, message)),
                 None => Ok(()),
             },
         }

@@ -5,8 +5,8 @@ use std::time::Duration;
 
 use tomoswarm_proto::VehicleId;
 
-use super::words::{Bump, Command, Refusal, Remark};
-use super::{Out, SILENT_AFTER, Vehicle};
+use super::words::{Command, Refusal, Remark};
+use super::{Out, Vehicle};
 use crate::geom::{Point, Pose, Track};
 use crate::node::peers::Peer;
 use crate::time::Time;
@@ -17,6 +17,10 @@ const COMMAND_AGE: Duration = Duration::from_secs(1);
 const ROUTE_START_M: f64 = 0.75;
 
 impl Vehicle {
+    /// Checks a command against the envelope.
+    ///
+    /// # Errors
+    /// Why it is not obeyed.
     pub(super) fn check(&self, now: Time, decided: Time, command: &Command) -> Result<(), Refusal> {
         let route = match command {
             Command::Hold => return Ok(()),
@@ -24,22 +28,13 @@ impl Vehicle {
             Command::Turn(_) => None,
             Command::Drive { route, .. } => Some(track_of(route).ok_or(Refusal::NoRoute)?),
         };
-        if now.since(decided) > COMMAND_AGE || decided < self.stopped_by_order {
+        if now.since(decided) > COMMAND_AGE || self.orders.have_overtaken(decided) {
             return Err(Refusal::Old);
         }
-        if self.emergency {
-            return Err(Refusal::Emergency);
+        if let Some(refusal) = self.orders.restraint().refusal() {
+            return Err(refusal);
         }
-        if self.is_disarmed {
-            return Err(Refusal::Disarmed);
-        }
-        if self.held {
-            return Err(Refusal::Held);
-        }
-        let Some((at, telemetry)) = self.telemetry else { return Err(Refusal::NoPose) };
-        if now.since(at) > SILENT_AFTER {
-            return Err(Refusal::NoPose);
-        }
+        let telemetry = self.telemetry.fresh(now).ok_or(Refusal::NoPose)?;
         if telemetry.pose.sd_m > self.settings.safety.pose_sd_max_m {
             return Err(Refusal::PoseUncertain);
         }
@@ -54,11 +49,7 @@ impl Vehicle {
         if !route.segments().all(|piece| self.settings.fence.contains_corridor(piece, radius_m)) {
             return Err(Refusal::Fence);
         }
-        let clear = |bump: &Bump| {
-            let here_m = bump.at.distance_to(pose.at);
-            route.segments().all(|piece| bump.is_passed_by(piece, here_m))
-        };
-        if !self.bumps.iter().filter(|bump| bump.until > now).all(clear) {
+        if self.reflex.is_in_the_way(now, route, pose.at) {
             return Err(Refusal::Bump);
         }
         for (vehicle, peer) in self.peers.iter() {
@@ -82,12 +73,10 @@ impl Vehicle {
 
     /// Stops a vehicle that drives off plan when a peer that moves, or is about to, claims what lies ahead of it.
     pub(super) fn yield_to(&mut self, now: Time, vehicle: VehicleId, out: &mut Vec<Out>) {
-        let Some((_, telemetry)) = self.telemetry else { return };
-        let Some(leg) = self.leg.as_ref().filter(|leg| leg.is_off_plan) else { return };
+        let Some(pose) = self.telemetry.of_any_age().map(|telemetry| telemetry.pose) else { return };
         let Some(peer) = self.peers.get(vehicle).filter(|peer| !peer.resting) else { return };
-        let ahead = std::iter::once(telemetry.pose.at).chain(leg.corners.iter().copied());
-        let route = Track::new(ahead.collect());
-        if route.is_some_and(|route| !self.keeps_clear_of(&route, telemetry.pose, peer)) {
+        let route = self.movement.way_off_plan_from(pose.at).and_then(Track::new);
+        if route.is_some_and(|route| !self.keeps_clear_of(&route, pose, peer)) {
             self.stop(now, out);
             out.push(Out::Remark(Remark::Refused(Refusal::Separation(vehicle))));
         }

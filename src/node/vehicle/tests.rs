@@ -1,11 +1,14 @@
 //! What the vehicle actor refuses, obeys and reports.
 
 use super::super::tests_support::{settings, state};
-use tomoswarm_proto::Lease;
+use tomoswarm_proto::{Lease, LegReport, Mode, OrderKind};
 
 use super::*;
 use crate::geom::Angle;
 use crate::geom::Pose;
+
+mod drawings;
+mod laws;
 
 const LEASE: Lease = Lease { number: 3, holder: 50 };
 
@@ -450,7 +453,7 @@ fn a_pause_keeps_the_vehicle_where_it_is_and_a_start_lets_it_go_on() {
         let out = told(&mut vehicle, now_s, drive(&[(0.5, 0.0), (9.0, 0.0)]));
         assert_eq!((flies(&out), refusal(&out)), (false, Some(Refusal::Held)), "after {second} s");
     }
-    let resume = order(OrderKind::Start, LEASE, 2, vehicle.sequence);
+    let resume = order(OrderKind::Start, LEASE, 2, vehicle.reports.sequence());
     told(&mut vehicle, 60.0, In::Order(resume));
     assert!(flies(&told(&mut vehicle, 60.1, drive(&[(0.5, 0.0), (9.0, 0.0)]))));
 }

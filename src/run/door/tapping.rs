@@ -8,12 +8,10 @@ use tomoswarm_proto::codec::Greeting;
 use tomoswarm_proto::{Message, Sender, VehicleId};
 
 use super::super::bus::Heard;
+use crate::exchange::table::{Kind, WORDS};
 
 /// Kinds of messages as they are named on the command line and in the lines.
-pub const KINDS: &[&str] = &[
-    "hello", "state", "tile", "digest", "want", "plan", "progress", "order", "samples", "have", "beacon",
-    "health", "report",
-];
+pub const KINDS: &[&str] = &WORDS;
 
 /// What is wanted of all that is heard.
 #[derive(Clone, PartialEq, Eq, Debug, Default)]
@@ -68,21 +66,7 @@ impl Tapping {
 
 /// Gives the kind of a message.
 pub fn kind(message: &Message) -> &'static str {
-    match message {
-        Message::Hello(_) => "hello",
-        Message::State(_) => "state",
-        Message::Tile(_) => "tile",
-        Message::Digest(_) => "digest",
-        Message::Want(_) => "want",
-        Message::Plan(_) => "plan",
-        Message::Progress(_) => "progress",
-        Message::Order(_) => "order",
-        Message::Samples(_) => "samples",
-        Message::Have(_) => "have",
-        Message::Beacon(_) => "beacon",
-        Message::Health(_) => "health",
-        Message::Report(_) => "report",
-    }
+    Kind::of(message).row().word
 }
 
 /// Gives the fields of a message, without its kind around them.

@@ -6,7 +6,7 @@ use std::sync::mpsc::{Receiver, RecvTimeoutError};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant, SystemTime};
 
-use tomoswarm_proto::{Boot, Message, Samples, TileReport, VehicleId};
+use tomoswarm_proto::{Boot, Samples, TileReport, VehicleId};
 
 use super::archive::Archive;
 use super::utc::Clocks;
@@ -29,11 +29,11 @@ pub(super) enum Wanted {
     End,
 }
 
-/// Starts the thread; `tell` reaches the station.
+/// Starts the thread; `tell` reaches the station with what its vehicle has said and is stored.
 pub(super) fn keeper(
     archive: Arc<Archive>,
     wanted: Receiver<Wanted>,
-    tell: impl Fn(Message) + Send + 'static,
+    tell: impl Fn(Samples) + Send + 'static,
 ) -> std::io::Result<JoinHandle<()>> {
     let keep = move || {
         let began = Instant::now();
@@ -67,7 +67,7 @@ struct Keeper<T> {
     clocks: Clocks,
 }
 
-impl<T: Fn(Message)> Keeper<T> {
+impl<T: Fn(Samples)> Keeper<T> {
     fn keep(&mut self, group: Vec<Wanted>) {
         let mut batches: Vec<Samples> = Vec::new();
         for wanted in group {
@@ -102,7 +102,7 @@ impl<T: Fn(Message)> Keeper<T> {
     /// What cannot be stored is not acknowledged: its vehicles repeat it.
     fn keep_samples(&self, batches: Vec<Samples>) {
         if !batches.is_empty() && self.archive.keep_samples(&batches) {
-            batches.into_iter().for_each(|batch| (self.tell)(Message::Samples(batch)));
+            batches.into_iter().for_each(&self.tell);
         }
     }
 

@@ -2,6 +2,7 @@
 
 use tomoswarm_proto::Sender;
 
+use super::super::subjects::written_by;
 use super::roster::Roster;
 use crate::config::Topology;
 
@@ -18,20 +19,22 @@ pub struct AccessRule {
 
 /// Gives the rules of all certificates of a roster; `venue` is the name of the venue.
 ///
-/// A node writes under its own prefix and reads everything of its venue. In a star everything comes to a vehicle through
+/// A node writes under its own keys ([`written_by`]) and reads everything of its venue: who hears what is the table's
+/// ([`crate::exchange::table`]), and a kind that the roster's authority does not know yet must pass. In a star everything comes to a vehicle through
 /// the ground station, which therefore may hand on what others wrote; it is the ground station that holds them to their
 /// own keys.
 pub fn access_rules(roster: &Roster, venue: &str, topology: Topology) -> Vec<AccessRule> {
     let all = format!("tomoswarm/{venue}/**");
     let rule = |name: super::CommonName| {
         let writes = match (name.node, topology) {
-            (Sender::Ground, Topology::Star) => all.clone(),
+            (Sender::Ground, Topology::Star) => vec![all.clone()],
             (Sender::Ground | Sender::Vehicle(_) | Sender::Operator, Topology::Mesh)
             | (Sender::Vehicle(_) | Sender::Operator, Topology::Star) => {
-                format!("tomoswarm/{venue}/{}/**", name.node.prefix())
+                let own = written_by(name.node).into_iter();
+                own.map(|key| format!("tomoswarm/{venue}/{key}")).collect()
             }
         };
-        AccessRule { common_name: name.to_string(), writes: vec![writes], reads: vec![all.clone()] }
+        AccessRule { common_name: name.to_string(), writes, reads: vec![all.clone()] }
     };
     roster.allowed.iter().map(|entry| rule(entry.name)).collect()
 }

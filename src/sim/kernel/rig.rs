@@ -4,7 +4,8 @@
 use std::time::Duration;
 
 use tomoswarm_proto::{
-    Boot, Have, Lease, Message, Order, OrderKind, Plan, Position, Revision, RunId, Stop, StopId, VehicleId,
+    Boot, Have, Lease, Message, Order, OrderKind, Plan, Position, Revision, RunId, Sender, Stop, StopId,
+    VehicleId,
 };
 
 use super::super::body::Limits;
@@ -148,12 +149,12 @@ impl Rig {
         self.run(Duration::from_millis(300));
         for (revision, stops) in [(1, &[][..]), (2, stops)] {
             let plan = plan(revision, stops);
-            self.tell(Event::Bus(Message::Plan(plan)));
+            self.tell(Event::Bus(Sender::Ground, Message::Plan(plan)));
         }
         let lease = Lease { number: 1, holder: 1 };
         let (vehicle, run, revision) = (VehicleId(1), RunId(1), Revision(1));
         let order = Order { vehicle, lease, run, revision, seen_state: 1, kind: OrderKind::Start };
-        self.tell(Event::Bus(Message::Order(order)));
+        self.tell(Event::Bus(Sender::Ground, Message::Order(order)));
     }
 
     fn run(&mut self, span: Duration) {
@@ -186,7 +187,7 @@ impl Rig {
         if self.now.as_nanos().is_multiple_of(100_000_000) {
             let telemetry = self.world.telemetry(0, self.now);
             self.tell(Event::Telemetry(telemetry));
-            self.tell(Event::Bus(Message::Have(Have::default())));
+            self.tell(Event::Bus(Sender::Ground, Message::Have(Have::default())));
         }
         let due: Vec<_> = self.echoes.extract_if(.., |(at, _)| *at <= self.now).collect();
         for (_, echo) in due {

@@ -290,6 +290,20 @@ mod tests {
     }
 
     #[test]
+    fn a_recording_whose_snapshots_have_another_shape_is_refused_by_its_format() {
+        let begin = |format: &str| {
+            let path = Path::new("flight.mcap");
+            let mut segment = Segment { path, only: None, is_known: false, actors: BTreeMap::new() };
+            let words =
+                [("format", format), ("software", VERSION)].map(|(name, word)| (name.into(), word.into()));
+            segment.metadata("tomoswarm", &words.into(), &mut Replayed::default())
+        };
+        assert_eq!(begin(FORMAT), Ok(()));
+        let reason = begin("1").unwrap_err();
+        assert!(reason.contains("(format 1); this is"), "{reason}");
+    }
+
+    #[test]
     fn spaces_do_not_matter_and_a_wake_out_of_turn_does() {
         let mut scales = Scales::<2> { sum: 0 };
         let spaced = b"{ \"said\": [4], \"told\": 2, \"now_ns\": 5 }";

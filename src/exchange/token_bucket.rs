@@ -1,21 +1,21 @@
 //! A budget of bytes per second that may be saved up for a while: what a node may send, and what is taken from one sender.
-//! Pure: it is told the time.
+//! It is told the time, and knows nothing of messages.
 
 use crate::time::Time;
 
-/// A token bucket.
+/// A token bucket that counts bytes.
 #[derive(Clone, Copy, Debug)]
-pub struct Allowance {
+pub struct TokenBucket {
     per_s: f64,
     most: f64,
     left: f64,
     at: Time,
 }
 
-impl Allowance {
+impl TokenBucket {
     /// Makes a full budget of `per_s` bytes a second, of which at most `most` bytes are saved up.
-    pub fn new(per_s: f64, most: f64) -> Allowance {
-        Allowance { per_s, most, left: most, at: Time::ZERO }
+    pub fn new(per_s: f64, most: f64) -> TokenBucket {
+        TokenBucket { per_s, most, left: most, at: Time::ZERO }
     }
 
     /// Spends bytes if any budget is left at all; the rest is owed. So what is larger than the budget passes too.
@@ -34,7 +34,7 @@ impl Allowance {
         self.left = (self.left - bytes as f64).max(-self.most);
     }
 
-    /// Gives when something may be spent again.
+    /// Returns when something may be spent again.
     pub fn next(&self) -> Time {
         let lacking_s = (-self.left).max(0.0) / self.per_s;
         // A nanosecond later, so that a rounding never wakes anyone in vain.
@@ -54,10 +54,10 @@ mod tests {
 
     #[test]
     fn over_a_long_time_no_more_is_spent_than_allowed() {
-        let mut allowance = Allowance::new(1000.0, 500.0);
+        let mut bucket = TokenBucket::new(1000.0, 500.0);
         let mut spent = 0;
         for millisecond in 0..10_000_u64 {
-            if allowance.spend(Time::from_nanos(millisecond * 1_000_000), 100) {
+            if bucket.spend(Time::from_nanos(millisecond * 1_000_000), 100) {
                 spent += 100;
             }
         }
@@ -66,9 +66,9 @@ mod tests {
 
     #[test]
     fn who_waits_until_next_may_spend() {
-        let mut allowance = Allowance::new(1000.0, 500.0);
-        assert!(allowance.spend(Time::ZERO, 2000));
-        assert!(!allowance.spend(Time::from_secs_f64(1.0), 1));
-        assert!(allowance.spend(allowance.next(), 1));
+        let mut bucket = TokenBucket::new(1000.0, 500.0);
+        assert!(bucket.spend(Time::ZERO, 2000));
+        assert!(!bucket.spend(Time::from_secs_f64(1.0), 1));
+        assert!(bucket.spend(bucket.next(), 1));
     }
 }

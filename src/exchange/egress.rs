@@ -1,0 +1,232 @@
+//! What a node still has to send: kept by class and subject while the budget is spent, so that a slow link never delays what
+//! is urgent, and old news gives way to new. Pure: it is told the time, and sends nothing itself.
+//!
+//! Urgent frames go at once, whatever was sent before. Of the others the higher class goes first; of one subject only
+//! the newest is kept.
+
+use std::collections::{BTreeMap, VecDeque};
+
+use tomoswarm_proto::Message;
+use tomoswarm_proto::codec::{EncodeError, encode};
+
+use super::table::{Class, Subject};
+use super::token_bucket::TokenBucket;
+use crate::time::Time;
+
+/// Bytes that may wait at most; beyond that the lowest class loses its oldest.
+const WAITING: usize = 1 << 20;
+/// Batches of samples that may wait; further ones are dropped, since their vehicle repeats them.
+const BATCHES: usize = 2;
+
+/// A frame that a node says, with what is to be known to send it.
+#[derive(Clone, PartialEq, Eq, Debug)]
+pub struct OutboundFrame {
+    /// How much it presses.
+    pub class: Class,
+    /// What it is about: with the sender, the key under which it is published.
+    pub subject: Subject,
+    /// Whether a later frame of its subject takes its place.
+    pub is_replaced: bool,
+    /// The frame.
+    pub frame: Vec<u8>,
+}
+
+impl OutboundFrame {
+    /// Encodes a message.
+    ///
+    /// # Errors
+    /// It is too long for a frame.
+    pub fn of(message: &Message) -> Result<OutboundFrame, EncodeError> {
+        let (frame, subject) = (encode(message)?, Subject::of(message));
+        let row = subject.kind.row();
+        Ok(OutboundFrame { class: row.class, subject, is_replaced: row.is_replaced, frame })
+    }
+}
+
+/// What waits to be sent.
+#[derive(Debug)]
+pub struct Egress {
+    budget: TokenBucket,
+    waiting: BTreeMap<Class, VecDeque<OutboundFrame>>,
+    bytes: usize,
+    dropped: u64,
+}
+
+impl Egress {
+    /// Makes an egress for so many bytes a second.
+    pub fn new(bytes_per_s: u32) -> Egress {
+        let per_s = f64::from(bytes_per_s);
+        let budget = TokenBucket::new(per_s, per_s / 2.0);
+        Egress { budget, waiting: BTreeMap::new(), bytes: 0, dropped: 0 }
+    }
+
+    /// Takes a frame: returns it when it may go at once, otherwise keeps it.
+    pub fn offer(&mut self, now: Time, offered: OutboundFrame) -> Option<OutboundFrame> {
+        if offered.class == Class::Urgent {
+            self.budget.owe(now, offered.frame.len());
+            return Some(offered);
+        }
+        let is_turn = self.waiting.range(..=offered.class).all(|(_, waiting)| waiting.is_empty());
+        if is_turn && self.budget.spend(now, offered.frame.len()) {
+            return Some(offered);
+        }
+        self.keep(offered);
+        None
+    }
+
+    /// Returns the next frame that may go now.
+    pub fn due(&mut self, now: Time) -> Option<OutboundFrame> {
+        let waiting = self.waiting.values_mut().find(|waiting| !waiting.is_empty())?;
+        let bytes = waiting.front()?.frame.len();
+        if !self.budget.spend(now, bytes) {
+            return None;
+        }
+        self.bytes -= bytes;
+        waiting.pop_front()
+    }
+
+    /// Returns when the next frame may go; `None` when nothing waits.
+    pub fn next(&self) -> Option<Time> {
+        (self.bytes > 0).then(|| self.budget.next())
+    }
+
+    /// Returns how many frames were dropped because too much waited, or too many batches of samples.
+    pub fn dropped(&self) -> u64 {
+        self.dropped
+    }
+
+    fn keep(&mut self, offered: OutboundFrame) {
+        let waiting = self.waiting.entry(offered.class).or_default();
+        let is_batch = |frame: &OutboundFrame| frame.class == Class::Low && !frame.is_replaced;
+        if is_batch(&offered) && waiting.iter().filter(|waiting| is_batch(waiting)).count() >= BATCHES {
+            self.dropped += 1;
+            return;
+        }
+        self.bytes += offered.frame.len();
+        let older = |known: &&mut OutboundFrame| known.is_replaced && known.subject == offered.subject;
+        match waiting.iter_mut().find(older) {
+            Some(known) => {
+                self.bytes -= known.frame.len();
+                *known = offered;
+            }
+            None => waiting.push_back(offered),
+        }
+        while self.bytes > WAITING {
+            let Some(lowest) = self.waiting.values_mut().rev().find(|waiting| !waiting.is_empty()) else {
+                return;
+            };
+            if let Some(lost) = lowest.pop_front() {
+                self.bytes -= lost.frame.len();
+                self.dropped += 1;
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::table::{About, Kind};
+    use super::*;
+    use tomoswarm_proto::{LayerId, TileAddress, VehicleId};
+
+    /// The names of subjects below, apart from tiles.
+    const NAMES: [&str; 6] = ["first", "second", "order", "state", "samples", "tile"];
+
+    /// Returns a subject of its own for every name; `tile/7` is a tile.
+    fn subject(name: &str) -> Subject {
+        let about = match name.strip_prefix("tile/") {
+            Some(number) => {
+                let address = TileAddress { x: number.parse().unwrap(), ..TileAddress::default() };
+                About::Tile(LayerId::default(), address)
+            }
+            None => About::Vehicle(VehicleId(NAMES.iter().position(|known| *known == name).unwrap() as u8)),
+        };
+        Subject { kind: Kind::Tile, about }
+    }
+
+    fn name(subject: Subject) -> String {
+        match subject.about {
+            About::Tile(_, address) => format!("tile/{}", address.x),
+            About::Vehicle(number) => NAMES[usize::from(number.0)].to_owned(),
+            About::Sender | About::Layer(_) => panic!("{subject:?} has no name here"),
+        }
+    }
+
+    fn frame(class: Class, name: &str, bytes: usize) -> OutboundFrame {
+        OutboundFrame { class, subject: subject(name), is_replaced: true, frame: vec![0; bytes] }
+    }
+
+    /// An egress whose budget is spent.
+    fn spent() -> Egress {
+        let mut egress = Egress::new(1000);
+        assert!(egress.offer(Time::ZERO, frame(Class::Low, "first", 1000)).is_some());
+        assert!(egress.offer(Time::ZERO, frame(Class::Low, "second", 10)).is_none());
+        egress
+    }
+
+    fn all_due(egress: &mut Egress) -> Vec<String> {
+        std::iter::from_fn(|| egress.due(egress.next()?)).map(|frame| name(frame.subject)).collect()
+    }
+
+    #[test]
+    fn what_is_urgent_goes_at_once_also_when_the_budget_is_spent() {
+        let mut egress = spent();
+        assert!(egress.offer(Time::ZERO, frame(Class::Urgent, "order", 100)).is_some());
+        assert!(egress.offer(Time::ZERO, frame(Class::High, "state", 100)).is_none());
+    }
+
+    #[test]
+    fn the_higher_class_goes_first_and_of_a_key_only_the_newest() {
+        let mut egress = spent();
+        for (class, key, bytes) in [
+            (Class::Normal, "tile/1", 5),
+            (Class::Normal, "tile/2", 5),
+            (Class::High, "state", 5),
+            (Class::Normal, "tile/1", 7),
+        ] {
+            assert!(egress.offer(Time::ZERO, frame(class, key, bytes)).is_none());
+        }
+        assert_eq!(all_due(&mut egress), ["state", "tile/1", "tile/2", "second"]);
+        assert_eq!(egress.next(), None);
+    }
+
+    #[test]
+    fn of_batches_of_samples_the_first_two_wait_behind_everything_else() {
+        let mut egress = spent();
+        for number in 1..=5 {
+            let batch = OutboundFrame { is_replaced: false, ..frame(Class::Low, "samples", number) };
+            assert!(egress.offer(Time::ZERO, batch).is_none());
+        }
+        assert!(egress.offer(Time::ZERO, frame(Class::Normal, "tile", 5)).is_none());
+        assert_eq!(egress.dropped(), 3);
+        assert_eq!(all_due(&mut egress), ["tile", "second", "samples", "samples"]);
+    }
+
+    #[test]
+    fn what_others_decide_by_goes_before_samples() {
+        let (vehicle, boot) = (tomoswarm_proto::VehicleId(1), tomoswarm_proto::Boot(1));
+        let batch =
+            tomoswarm_proto::Samples { vehicle, boot, run: tomoswarm_proto::RunId(1), samples: vec![] };
+        let samples = Class::of(&Message::Samples(batch));
+        for message in [
+            Message::Report(tomoswarm_proto::Report::default()),
+            Message::Have(tomoswarm_proto::Have::default()),
+            Message::Digest(tomoswarm_proto::Digest::default()),
+            Message::Health(tomoswarm_proto::Health::default()),
+        ] {
+            assert!(Class::of(&message) < samples, "{}", message.word());
+        }
+    }
+
+    #[test]
+    fn what_waits_is_bounded_and_the_lowest_class_loses() {
+        let mut egress = spent();
+        for number in 0..3000 {
+            egress.offer(Time::ZERO, frame(Class::Normal, &format!("tile/{number}"), 1000));
+        }
+        assert!(egress.bytes <= WAITING);
+        assert!(egress.dropped() > 1900);
+        assert!(egress.offer(Time::ZERO, frame(Class::High, "state", 1000)).is_none());
+        assert_eq!(all_due(&mut egress)[0], "state");
+    }
+}

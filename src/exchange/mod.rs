@@ -1,0 +1,185 @@
+//! A node's side of the bus, without the bus: what comes is judged, what goes waits its turn, and whether the node takes
+//! part at all is decided here, in virtual time as well as live. It is told the time; it opens, sends and locks nothing.
+//!
+//! ```text
+//!            ┌─ ingress ──────────────────────┐   ┌─ presence ────────────┐
+//!   frame ─► │ share ─► codec ─► may say that? │ ─►│ is it listened to?    │ ─► heard
+//!            └──────┬─────────────────────────┘   │ greets, joins, leaves │
+//!                   ▼ refused, counted            └──────────┬────────────┘
+//!            ┌─ egress ───────────────────────┐              │ greetings; nothing else before it takes part
+//!   frame ◄─ │ class, budget, newest of each  │ ◄────────────┴──────────────────────────────────── message
+//!            └────────────────────────────────┘
+//! ```
+//!
+//! [`table`] says who may say what to whom. One node is one [`Exchange`]. Two steps are the costly ones, reading a frame
+//! ([`ingress::read`]) and writing one ([`OutboundFrame::of`]); both need no state, so that whoever shares an exchange
+//! between threads does them without its lock: [`Exchange::hear`] is [`Exchange::admit`], `read` and [`Exchange::accept`],
+//! and [`Exchange::say`] is `of` and [`Exchange::offer`].
+
+pub mod egress;
+pub mod ingress;
+pub mod joining;
+pub mod presence;
+pub mod restarts;
+pub mod table;
+pub mod token_bucket;
+
+#[cfg(test)]
+mod tests;
+
+use tomoswarm_proto::codec::EncodeError;
+use tomoswarm_proto::{Hello, Message, Sender};
+
+use self::egress::{Egress, OutboundFrame};
+use self::ingress::{Heard, Ingress, Refusal, read};
+use self::joining::Verdict;
+use self::presence::{Judgement, Presence};
+use crate::time::Time;
+
+/// A node's side of the bus.
+#[derive(Debug)]
+pub struct Exchange {
+    ingress: Ingress,
+    presence: Presence,
+    egress: Egress,
+}
+
+/// What comes of a frame that was not refused.
+#[derive(Clone, PartialEq, Debug)]
+pub struct Reception {
+    /// What the node is to be told.
+    pub heard: Option<Heard>,
+    /// What follows for taking part.
+    pub verdict: Verdict,
+    /// A frame that answers it, to be sent now.
+    pub reply: Option<OutboundFrame>,
+}
+
+/// What an exchange has carried so far.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
+pub struct Counts {
+    /// Frames taken.
+    pub taken: u64,
+    /// Their bytes.
+    pub taken_bytes: u64,
+    /// Frames refused.
+    pub refused: u64,
+    /// Frames dropped before they were sent, because too much waited.
+    pub dropped: u64,
+}
+
+impl Exchange {
+    /// Makes the exchange of a node that may send so many bytes a second.
+    pub fn new(egress_bytes_per_s: u32, presence: Presence) -> Exchange {
+        let (ingress, egress) = (Ingress::new(egress_bytes_per_s), Egress::new(egress_bytes_per_s));
+        Exchange { ingress, presence, egress }
+    }
+
+    /// Takes a frame of a sender, as its key or address names it.
+    ///
+    /// # Errors
+    /// The frame is refused, and counted.
+    pub fn hear(&mut self, now: Time, sender: Sender, frame: &[u8]) -> Result<Reception, Refusal> {
+        let heard = self.admit(now, sender, frame.len()).and_then(|()| read(sender, frame));
+        match heard {
+            Ok(heard) => Ok(self.accept(now, frame.len(), heard)),
+            Err(refusal) => {
+                self.refuse(Some(sender), &refusal);
+                Err(refusal)
+            }
+        }
+    }
+
+    /// Takes so many bytes of a sender's share; what is refused is counted by [`Exchange::refuse`].
+    ///
+    /// # Errors
+    /// Nothing of its share is left.
+    pub fn admit(&mut self, now: Time, sender: Sender, bytes: usize) -> Result<(), Refusal> {
+        self.ingress.admit(now, sender, bytes)
+    }
+
+    /// Takes what a frame of so many bytes says.
+    pub fn accept(&mut self, now: Time, bytes: usize, heard: Heard) -> Reception {
+        self.ingress.accept(bytes);
+        let Judgement { heard, verdict, answer } = self.presence.hear(now, heard);
+        let reply = answer.and_then(|hello| self.offer_greeting(now, hello));
+        Reception { heard, verdict, reply }
+    }
+
+    /// Counts a refusal; returns how many of its sort there were when that is worth a line.
+    pub fn refuse(&mut self, sender: Option<Sender>, refusal: &Refusal) -> Option<u64> {
+        self.ingress.refuse(sender, refusal)
+    }
+
+    /// Takes a message that the node says: returns the frame that is to be sent now. Otherwise it waits for its turn, or it
+    /// is dropped, since the node does not take part yet.
+    ///
+    /// # Errors
+    /// The message is too long for a frame.
+    pub fn say(&mut self, now: Time, message: &Message) -> Result<Option<OutboundFrame>, EncodeError> {
+        Ok(self.offer(now, OutboundFrame::of(message)?))
+    }
+
+    /// Takes a frame as [`Exchange::say`] does.
+    pub fn offer(&mut self, now: Time, frame: OutboundFrame) -> Option<OutboundFrame> {
+        if !self.presence.may_say(frame.subject.kind) {
+            return None;
+        }
+        self.egress.offer(now, frame)
+    }
+
+    /// Returns all that is to be sent now: a greeting when it is time, and what has waited for its turn.
+    pub fn due(&mut self, now: Time) -> Vec<OutboundFrame> {
+        let greeting = self.greet(now);
+        let waited = std::iter::from_fn(|| self.egress.due(now));
+        greeting.into_iter().chain(waited).collect()
+    }
+
+    /// Returns when [`Exchange::due`] has something again; `None` when nothing waits and the node does not greet.
+    pub fn deadline(&self) -> Option<Time> {
+        [self.presence.next(), self.egress.next()].into_iter().flatten().min()
+    }
+
+    /// Returns a greeting when it is time, to be sent now; also ends the asking when nobody has objected.
+    pub fn greet(&mut self, now: Time) -> Option<OutboundFrame> {
+        let hello = self.presence.greet(now)?;
+        self.offer_greeting(now, hello)
+    }
+
+    /// Returns when to greet next; `None` = never by itself.
+    pub fn greets_at(&self) -> Option<Time> {
+        self.presence.next()
+    }
+
+    /// Learns that somebody can hear the node.
+    pub fn meet(&mut self, now: Time) {
+        self.presence.meet(now);
+    }
+
+    /// Lets a listener say everything.
+    pub fn speak(&mut self) {
+        self.presence.speak();
+    }
+
+    /// Returns whether the node takes part.
+    pub fn is_member(&self) -> bool {
+        self.presence.is_member()
+    }
+
+    /// Returns what was carried so far.
+    pub fn counts(&self) -> Counts {
+        let (taken, taken_bytes) = self.ingress.taken();
+        Counts { taken, taken_bytes, refused: self.ingress.refused(), dropped: self.egress.dropped() }
+    }
+
+    /// A greeting always fits into a frame and never waits: it is a few words of the node's own.
+    fn offer_greeting(&mut self, now: Time, hello: Hello) -> Option<OutboundFrame> {
+        let frame = OutboundFrame::of(&Message::Hello(hello)).ok()?;
+        self.offer(now, frame)
+    }
+}
+
+/// One message of every kind, as the wire's own tests have them.
+#[cfg(test)]
+#[path = "../../proto/tests/examples/mod.rs"]
+pub(crate) mod examples;

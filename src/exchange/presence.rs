@@ -1,0 +1,115 @@
+//! Whether a node takes part in the bus: who of the others is heard, what may be said, and when it greets. The rules of
+//! joining are [`Joining`]'s; an operator's tool, which joins nothing, listens to everyone.
+
+use tomoswarm_proto::{Hello, Message, OrderKind};
+
+use super::ingress::Heard;
+use super::joining::{Joining, Verdict};
+use super::table::Kind;
+use crate::time::Time;
+
+/// How a node is present.
+#[derive(Debug)]
+pub enum Presence {
+    /// It asks whether it may take part, greets, and listens to those that fit.
+    Node(Box<Joining>),
+    /// It listens to everyone and everything, greetings of any version among them.
+    Listener {
+        /// Whether it may say anything but greetings.
+        may_speak: bool,
+    },
+}
+
+/// What is to be done about what was heard.
+#[derive(Clone, PartialEq, Debug)]
+pub struct Judgement {
+    /// What the node is to be told; of a node's greetings only the message, and only of those that fit.
+    pub heard: Option<Heard>,
+    /// What follows for taking part.
+    pub verdict: Verdict,
+    /// What the node answers at once.
+    pub answer: Option<Hello>,
+}
+
+impl Presence {
+    /// Begins to ask whether a node may take part.
+    pub fn asking(now: Time, own: Hello) -> Presence {
+        Presence::Node(Box::new(Joining::new(now, own)))
+    }
+
+    /// Makes the presence of a tool that listens and says nothing yet.
+    pub fn listening() -> Presence {
+        Presence::Listener { may_speak: false }
+    }
+
+    /// Judges what was heard.
+    pub fn hear(&mut self, now: Time, heard: Heard) -> Judgement {
+        let fine = |heard| Judgement { heard, verdict: Verdict::Fine, answer: None };
+        let Presence::Node(joining) = self else { return fine(Some(heard)) };
+        match heard {
+            Heard::Message(sender, message) => {
+                let is_heard = stops_at_once(&message) || joining.listens_to(sender);
+                fine(is_heard.then_some(Heard::Message(sender, message)))
+            }
+            Heard::Greeting(greeting, hello) => {
+                let verdict = joining.hear(now, &greeting, hello.as_ref());
+                let fits = verdict == Verdict::Fine;
+                let hello = hello.filter(|hello| fits && joining.listens_to(hello.node));
+                let heard = hello.map(|hello| Heard::Message(hello.node, Message::Hello(hello)));
+                // Whoever asks and does not fit learns it at once.
+                Judgement { heard, verdict, answer: joining.greet_if_due(now) }
+            }
+        }
+    }
+
+    /// Learns that somebody can hear the node.
+    pub fn meet(&mut self, now: Time) {
+        match self {
+            Presence::Node(joining) => joining.meet(now),
+            Presence::Listener { .. } => {}
+        }
+    }
+
+    /// Returns a greeting when one is due; also ends the asking when nobody has objected.
+    pub fn greet(&mut self, now: Time) -> Option<Hello> {
+        match self {
+            Presence::Node(joining) => joining.greet(now),
+            Presence::Listener { .. } => None,
+        }
+    }
+
+    /// Returns when to greet next; `None` = never by itself.
+    pub fn next(&self) -> Option<Time> {
+        match self {
+            Presence::Node(joining) => Some(joining.next()),
+            Presence::Listener { .. } => None,
+        }
+    }
+
+    /// Lets a listener say everything; a node may when it takes part.
+    pub fn speak(&mut self) {
+        match self {
+            Presence::Node(_) => {}
+            Presence::Listener { may_speak } => *may_speak = true,
+        }
+    }
+
+    /// Returns whether the node takes part, or the listener speaks.
+    pub fn is_member(&self) -> bool {
+        match self {
+            Presence::Node(joining) => joining.is_member(),
+            Presence::Listener { may_speak } => *may_speak,
+        }
+    }
+
+    /// Returns whether messages of a kind may be said: greetings always are.
+    pub fn may_say(&self, kind: Kind) -> bool {
+        kind == Kind::Hello || self.is_member()
+    }
+}
+
+/// Returns whether a message is an order that must not depend on venue files: what makes everything stop at once. It was
+/// judged like everything else before.
+fn stops_at_once(message: &Message) -> bool {
+    matches!(message, Message::Order(order) if order.kind >= OrderKind::Emergency)
+}

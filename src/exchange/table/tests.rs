@@ -1,0 +1,147 @@
+//! The table against the messages themselves and against what proto/README.md promises to others.
+
+use tomoswarm_proto::{Order, OrderKind, Progress};
+
+use super::super::examples::examples;
+use super::*;
+
+const README: &str = include_str!("../../../proto/README.md");
+const ROLES: [Sender; 3] = [Sender::Vehicle(VehicleId(2)), Sender::Ground, Sender::Operator];
+
+#[test]
+fn every_message_has_its_row_under_its_own_word() {
+    let kinds: Vec<Kind> = examples().iter().map(|(_, message)| Kind::of(message)).collect();
+    assert_eq!(kinds, TABLE.map(|row| row.kind));
+    for (_, message) in examples() {
+        let (subject, row) = (Subject::of(&message), Kind::of(&message).row());
+        assert_eq!(row.word, message.word());
+        let topic = match subject.about {
+            About::Sender => Topic::Sender,
+            About::Vehicle(_) => Topic::Vehicle,
+            About::Layer(_) => Topic::Layer,
+            About::Tile(..) => Topic::Tile,
+        };
+        assert_eq!(topic, row.topic, "{}", row.word);
+        let addresses = [row.of_vehicle, row.of_ground, row.of_operator]
+            .into_iter()
+            .flatten()
+            .any(|audience| audience.vehicles == Vehicles::Addressed);
+        assert!(!addresses || topic == Topic::Vehicle, "{} is for a vehicle that it does not name", row.word);
+    }
+}
+
+#[test]
+fn a_sender_may_say_what_its_row_allows_and_only_in_its_own_name() {
+    for (word, message) in examples() {
+        let allowed: Vec<Sender> = ROLES.into_iter().filter(|role| may_say(*role, &message)).collect();
+        let expected: &[Sender] = match word {
+            "tile" | "digest" | "want" => &ROLES,
+            "order" => &ROLES[1..],
+            "plan" | "have" | "report" => &ROLES[1..2],
+            // The example is of vehicle 2.
+            _ => &ROLES[..1],
+        };
+        assert_eq!(allowed, expected, "{word}");
+    }
+    let of_three = Message::Progress(Progress { vehicle: VehicleId(3), ..Progress::default() });
+    assert!(ROLES.iter().all(|role| !may_say(*role, &of_three)));
+}
+
+#[test]
+fn who_may_say_a_kind_is_who_its_author_may_be() {
+    for (word, message) in examples().into_iter().filter(|(word, _)| *word != "hello") {
+        let Some(author) = message.author() else { continue };
+        for role in ROLES {
+            let may = Kind::of(&message).row().audience(role).is_some();
+            assert_eq!(may, role == author, "{word} of {role}");
+        }
+    }
+}
+
+#[test]
+fn an_order_is_heard_by_its_vehicle_alone_and_by_operators() {
+    let about = Subject::of(&Message::Order(Order {
+        vehicle: VehicleId(3),
+        lease: Default::default(),
+        run: Default::default(),
+        revision: Default::default(),
+        seen_state: 0,
+        kind: OrderKind::Hold,
+    }))
+    .about;
+    let audience = Kind::Order.row().audience(Sender::Ground).unwrap();
+    let hears = |node| audience.includes(node, about);
+    assert!(hears(Sender::Vehicle(VehicleId(3))) && hears(Sender::Operator));
+    assert!(!hears(Sender::Vehicle(VehicleId(2))) && !hears(Sender::Ground));
+}
+
+#[test]
+fn what_can_be_said_on_the_bus_is_heard_by_operators() {
+    for row in TABLE.into_iter().filter(|row| row.kind != Kind::Beacon) {
+        for audience in ROLES.into_iter().filter_map(|role| row.audience(role)) {
+            assert!(audience.operators, "{}", row.word);
+        }
+    }
+}
+
+/// Returns the senders that a cell of the README's table names.
+fn senders(cell: &str) -> Vec<Sender> {
+    match cell {
+        "everyone" => ROLES.to_vec(),
+        "vehicle" | "by radio only, vehicle" => vec![ROLES[0]],
+        "ground" => vec![Sender::Ground],
+        "ground or operator" => vec![Sender::Ground, Sender::Operator],
+        other => panic!("{other} says something?"),
+    }
+}
+
+/// Returns which vehicles, and whether ground stations, hear what a cell of the README's table names. Operators hear
+/// everything on the bus.
+fn receivers(cell: &str) -> (Vehicles, bool) {
+    match cell {
+        "all" => (Vehicles::All, true),
+        "vehicles" => (Vehicles::All, false),
+        "the vehicle" => (Vehicles::Addressed, false),
+        "ground" | "ground and operators" => (Vehicles::None, true),
+        "whoever hears it" => (Vehicles::None, false),
+        other => panic!("{other} hears something?"),
+    }
+}
+
+fn priority(cell: &str) -> Option<Class> {
+    match cell {
+        "real-time, express" => Some(Class::Urgent),
+        "high" => Some(Class::High),
+        "normal" => Some(Class::Normal),
+        "low" => Some(Class::Low),
+        "none" => None,
+        other => panic!("{other} is no priority"),
+    }
+}
+
+#[test]
+fn the_readme_of_the_wire_says_the_same() {
+    let lines = README.lines().skip_while(|line| !line.starts_with("| kind | message | sender"));
+    let lines: Vec<&str> = lines.skip(2).take_while(|line| line.starts_with('|')).collect();
+    assert_eq!(lines.len(), TABLE.len());
+    for (row, line) in TABLE.iter().zip(lines) {
+        let cells: Vec<&str> = line.split('|').map(str::trim).collect();
+        assert_eq!(cells[2].to_lowercase(), row.word);
+        assert_eq!(cells[5].trim_matches('`').split('/').next(), Some(row.word), "{line}");
+        // What follows a semicolon is about answers: those come from whoever holds the map.
+        let (from, to) = cells[3].split(';').next().unwrap().split_once(" → ").unwrap();
+        let mut says: Vec<Sender> = ROLES.into_iter().filter(|role| row.audience(*role).is_some()).collect();
+        if cells[3].ends_with("; answers: whoever holds it") {
+            assert_eq!(says, ROLES);
+            says.truncate(1);
+        }
+        assert_eq!(says, senders(from), "{line}");
+        let heard = says.iter().filter_map(|role| row.audience(*role));
+        let widest = heard.fold((Vehicles::None, false), |(vehicles, ground), audience| {
+            let wider = if audience.vehicles == Vehicles::None { vehicles } else { audience.vehicles };
+            (wider, ground || audience.ground)
+        });
+        assert_eq!(widest, receivers(to), "{line}");
+        assert_eq!(priority(cells[6]).unwrap_or(Class::Low), row.class, "{line}");
+    }
+}

@@ -1,0 +1,304 @@
+//! Exchanges that speak with each other in virtual time, over a bus that only carries: every frame reaches every other
+//! node 10 ms later.
+
+use std::collections::VecDeque;
+use std::time::Duration;
+
+use tomoswarm_proto::codec::{VERSION, encode};
+use tomoswarm_proto::{Boot, Lease, Order, OrderKind, Progress, Revision, RunId, Samples, VehicleId};
+
+use super::table::Subject;
+use super::*;
+
+const TWO: Sender = Sender::Vehicle(VehicleId(2));
+const THREE: Sender = Sender::Vehicle(VehicleId(3));
+const VENUE: u64 = 5;
+const BYTES_PER_S: u32 = 64_000;
+/// What is taken from one sender at once, in seconds of what a node may send: four times as much, for four seconds.
+const SAVED_UP_S: f64 = 16.0;
+const DELAY: Duration = Duration::from_millis(10);
+
+struct Node {
+    name: Sender,
+    exchange: Exchange,
+    heard: Vec<Message>,
+    verdicts: Vec<Verdict>,
+}
+
+impl Node {
+    fn is_refused(&self) -> bool {
+        self.verdicts.iter().any(|verdict| matches!(verdict, Verdict::Refused(_)))
+    }
+
+    fn has_heard(&self, message: &Message) -> bool {
+        self.heard.contains(message)
+    }
+}
+
+#[derive(Default)]
+struct Swarm {
+    now: Time,
+    nodes: Vec<Node>,
+    /// When a frame arrives, by which node it was sent, under which name, and what it is.
+    on_the_way: VecDeque<(Time, usize, Sender, Vec<u8>)>,
+}
+
+impl Swarm {
+    /// Lets a node begin to ask; returns its place.
+    fn join(&mut self, name: Sender, instance: u64, venue_hash: u64) -> usize {
+        let own = Hello {
+            node: name,
+            boot: Boot(1),
+            venue_hash,
+            instance,
+            is_member: false,
+            member_for_s: 0,
+            software: String::new(),
+            capabilities: vec![],
+        };
+        let exchange = Exchange::new(BYTES_PER_S, Presence::asking(self.now, own));
+        self.nodes.push(Node { name, exchange, heard: vec![], verdicts: vec![] });
+        self.nodes.len() - 1
+    }
+
+    /// Puts a frame on the bus, whatever it is.
+    fn put(&mut self, from: usize, frame: Vec<u8>) {
+        self.on_the_way.push_back((self.now + DELAY, from, self.nodes[from].name, frame));
+    }
+
+    fn say(&mut self, from: usize, message: &Message) {
+        let ready = self.nodes[from].exchange.say(self.now, message).unwrap();
+        ready.into_iter().for_each(|outbound| self.put(from, outbound.frame));
+    }
+
+    fn run(&mut self, span: Duration) {
+        let until = self.now + span;
+        loop {
+            let present = self.nodes.iter().filter(|node| !node.is_refused());
+            let deadlines = present.filter_map(|node| node.exchange.deadline());
+            let arrival = self.on_the_way.front().map(|(at, ..)| *at);
+            let Some(next) = deadlines.chain(arrival).min().filter(|next| *next <= until) else { break };
+            self.now = self.now.max(next);
+            self.wake();
+            while self.on_the_way.front().is_some_and(|(at, ..)| *at <= self.now) {
+                let Some((_, from, sender, frame)) = self.on_the_way.pop_front() else { break };
+                self.deliver(from, sender, &frame);
+            }
+        }
+        self.now = until;
+    }
+
+    /// Delivers all that is on the way, and lets nobody say anything meanwhile.
+    fn deliver_all(&mut self) {
+        self.now = self.now + DELAY;
+        for (_, from, sender, frame) in std::mem::take(&mut self.on_the_way) {
+            self.deliver(from, sender, &frame);
+        }
+    }
+
+    /// Returns the places of all but those who had to leave.
+    fn present(&self) -> Vec<usize> {
+        (0..self.nodes.len()).filter(|node| !self.nodes[*node].is_refused()).collect()
+    }
+
+    fn wake(&mut self) {
+        for node in self.present() {
+            let exchange = &mut self.nodes[node].exchange;
+            let due = exchange.due(self.now);
+            assert!(exchange.deadline().is_none_or(|at| at > self.now), "woken in vain");
+            due.into_iter().for_each(|outbound| self.put(node, outbound.frame));
+        }
+    }
+
+    fn deliver(&mut self, from: usize, sender: Sender, frame: &[u8]) {
+        for to in self.present().into_iter().filter(|to| *to != from) {
+            let node = &mut self.nodes[to];
+            let Ok(Reception { heard, verdict, reply }) = node.exchange.hear(self.now, sender, frame) else {
+                continue;
+            };
+            match heard {
+                Some(Heard::Message(_, message)) => node.heard.push(message),
+                Some(Heard::Greeting(..)) => panic!("a node is told messages only"),
+                None => {}
+            }
+            node.verdicts.push(verdict);
+            reply.into_iter().for_each(|outbound| self.put(to, outbound.frame));
+        }
+    }
+}
+
+fn progress(vehicle: u8, run: u32) -> Message {
+    Message::Progress(Progress { vehicle: VehicleId(vehicle), run: RunId(run), ..Progress::default() })
+}
+
+fn order(kind: OrderKind) -> Message {
+    Message::Order(Order {
+        vehicle: VehicleId(2),
+        lease: Lease { number: 1, holder: 1 },
+        run: RunId(1),
+        revision: Revision(1),
+        seen_state: 1,
+        kind,
+    })
+}
+
+fn seconds(span_s: f64) -> Duration {
+    Duration::from_secs_f64(span_s)
+}
+
+#[test]
+fn before_a_node_takes_part_it_only_greets() {
+    let mut swarm = Swarm::default();
+    let (two, three) = (swarm.join(TWO, 1, VENUE), swarm.join(THREE, 2, VENUE));
+    swarm.say(two, &progress(2, 1));
+    swarm.run(seconds(0.2));
+    assert!(!swarm.nodes[two].exchange.is_member());
+    assert!(!swarm.nodes[three].heard.is_empty(), "greetings are heard");
+    assert!(swarm.nodes[three].heard.iter().all(|message| matches!(message, Message::Hello(_))));
+    swarm.run(seconds(0.3));
+    assert!(swarm.nodes.iter().all(|node| node.exchange.is_member()));
+    swarm.say(two, &progress(2, 2));
+    swarm.run(seconds(0.1));
+    assert!(swarm.nodes[three].has_heard(&progress(2, 2)) && !swarm.nodes[three].has_heard(&progress(2, 1)));
+}
+
+#[test]
+fn of_two_nodes_of_one_name_the_newcomer_leaves_and_the_other_goes_on() {
+    for (elder, younger) in [(1, 9), (9, 1)] {
+        let mut swarm = Swarm::default();
+        let (first, ground) = (swarm.join(TWO, elder, VENUE), swarm.join(Sender::Ground, 50, VENUE));
+        swarm.run(seconds(5.0));
+        let second = swarm.join(TWO, younger, VENUE);
+        swarm.run(seconds(2.0));
+        assert!(swarm.nodes[second].is_refused() && !swarm.nodes[second].exchange.is_member());
+        assert!(!swarm.nodes[first].is_refused() && swarm.nodes[first].exchange.is_member());
+        assert!(swarm.nodes[first].verdicts.iter().any(|verdict| matches!(verdict, Verdict::Stays(_))));
+        swarm.say(first, &progress(2, 1));
+        swarm.run(seconds(0.1));
+        assert!(swarm.nodes[ground].has_heard(&progress(2, 1)));
+    }
+}
+
+#[test]
+fn a_node_of_another_venue_is_refused_and_not_listened_to_but_its_emergency_is() {
+    let mut swarm = Swarm::default();
+    let two = swarm.join(TWO, 1, VENUE);
+    swarm.run(seconds(3.0));
+    let ground = swarm.join(Sender::Ground, 9, VENUE + 1);
+    swarm.run(seconds(1.0));
+    assert!(swarm.nodes[ground].is_refused(), "who comes later learns it");
+    assert!(swarm.nodes[two].verdicts.iter().any(|verdict| matches!(verdict, Verdict::Foreign(_))));
+    // One that goes on all the same.
+    for kind in [OrderKind::Start, OrderKind::Emergency] {
+        swarm.put(ground, encode(&order(kind)).unwrap());
+    }
+    swarm.run(seconds(0.1));
+    assert_eq!(swarm.nodes[two].heard, [order(OrderKind::Emergency)]);
+}
+
+#[test]
+fn a_node_of_another_wire_version_is_refused_by_name_and_its_messages_are_counted() {
+    let another = |mut frame: Vec<u8>| {
+        frame[2] = VERSION + 1;
+        frame
+    };
+    let mut swarm = Swarm::default();
+    let two = swarm.join(TWO, 1, VENUE);
+    swarm.run(seconds(3.0));
+    let three = swarm.join(THREE, 2, VENUE);
+    let hello = swarm.nodes[three].exchange.due(swarm.now).remove(0).frame;
+    swarm.put(three, another(hello));
+    swarm.put(three, another(encode(&progress(3, 1)).unwrap()));
+    swarm.deliver_all();
+    let Some(Verdict::Foreign(reason)) = swarm.nodes[two].verdicts.last() else { panic!("it fits?") };
+    assert!(reason.contains("wire version"), "{reason}");
+    assert_eq!(swarm.nodes[two].exchange.counts().refused, 1);
+    assert!(swarm.nodes[two].heard.is_empty());
+}
+
+#[test]
+fn a_flood_costs_its_sender_its_share_and_nobody_else_theirs() {
+    let mut swarm = Swarm::default();
+    let (two, three, ground) =
+        (swarm.join(TWO, 1, VENUE), swarm.join(THREE, 2, VENUE), swarm.join(Sender::Ground, 3, VENUE));
+    swarm.run(seconds(3.0));
+    let batch = Samples { vehicle: VehicleId(3), boot: Boot(1), run: RunId(1), samples: vec![] };
+    let frame = encode(&Message::Samples(batch)).unwrap();
+    // A flooder does not ask its own exchange; all that it may save up is gone after the first of these.
+    let many = (SAVED_UP_S * f64::from(BYTES_PER_S) / frame.len() as f64) as usize;
+    (0..many + 1000).for_each(|_| swarm.put(three, frame.clone()));
+    swarm.say(ground, &order(OrderKind::Hold));
+    swarm.say(two, &progress(2, 1));
+    swarm.deliver_all();
+    let by_ground = swarm.nodes[ground].exchange.counts();
+    assert!((990..=1100).contains(&by_ground.refused), "{by_ground:?}");
+    assert!(swarm.nodes[two].has_heard(&order(OrderKind::Hold)));
+    assert!(swarm.nodes[ground].has_heard(&progress(2, 1)));
+    swarm.run(seconds(1.0));
+    swarm.say(three, &progress(3, 1));
+    swarm.run(seconds(0.1));
+    assert!(swarm.nodes[ground].has_heard(&progress(3, 1)), "its share fills up again");
+}
+
+#[test]
+fn an_order_of_a_vehicle_and_what_is_said_in_anothers_name_are_refused_and_counted() {
+    let mut swarm = Swarm::default();
+    let (two, three) = (swarm.join(TWO, 1, VENUE), swarm.join(THREE, 2, VENUE));
+    swarm.run(seconds(3.0));
+    for message in [order(OrderKind::Emergency), progress(2, 7)] {
+        swarm.put(three, encode(&message).unwrap());
+    }
+    swarm.put(three, b"nonsense".to_vec());
+    swarm.run(seconds(0.1));
+    assert_eq!(swarm.nodes[two].exchange.counts().refused, 3);
+    assert!(swarm.nodes[two].heard.iter().all(|message| matches!(message, Message::Hello(_))));
+}
+
+#[test]
+fn when_the_budget_is_spent_orders_go_at_once_and_of_states_the_newest_goes_later() {
+    let mut exchange = Exchange::new(1000, Presence::listening());
+    exchange.speak();
+    let mut at_once = |message: &Message| exchange.say(Time::ZERO, message).unwrap().is_some();
+    let sent_before = (0..).take_while(|run| at_once(&progress(2, *run))).count() as u32;
+    assert!(sent_before > 10);
+    assert!(at_once(&order(OrderKind::Hold)));
+    assert!(!at_once(&progress(2, 1_000_000)));
+    let newest = OutboundFrame::of(&progress(2, 1_000_000)).unwrap();
+    assert_eq!(newest.subject, Subject::of(&progress(2, 0)));
+    assert!(exchange.due(Time::ZERO).is_empty());
+    let at = exchange.deadline().unwrap();
+    assert!(at > Time::ZERO);
+    assert_eq!(exchange.due(at), [newest]);
+    assert_eq!(exchange.deadline(), None);
+}
+
+#[test]
+fn refusals_are_worth_a_line_at_powers_of_ten_for_each_sender_and_sort() {
+    let mut exchange = Exchange::new(BYTES_PER_S, Presence::listening());
+    let refusal = Refusal::NotItsToSay { sender: TWO };
+    let lines: Vec<u64> = (0..1000).filter_map(|_| exchange.refuse(Some(TWO), &refusal)).collect();
+    assert_eq!(lines, [1, 10, 100, 1000]);
+    assert_eq!(exchange.refuse(Some(THREE), &refusal), Some(1));
+    assert_eq!(exchange.refuse(Some(TWO), &Refusal::OverShare), Some(1));
+    assert_eq!(exchange.counts().refused, 1002);
+}
+
+#[test]
+fn a_listener_hears_everyone_and_greetings_of_every_version() {
+    let mut listener = Exchange::new(BYTES_PER_S, Presence::listening());
+    assert_eq!(listener.deadline(), None);
+    assert!(listener.say(Time::ZERO, &progress(2, 1)).unwrap().is_none(), "it does not speak");
+    let mut swarm = Swarm::default();
+    let two = swarm.join(TWO, 1, VENUE + 1);
+    let mut frame = swarm.nodes[two].exchange.due(Time::ZERO).remove(0).frame;
+    let heard = listener.hear(Time::ZERO, TWO, &frame).unwrap().heard;
+    assert!(matches!(heard, Some(Heard::Greeting(_, Some(_)))), "{heard:?}");
+    frame[2] = VERSION + 1;
+    let heard = listener.hear(Time::ZERO, TWO, &frame).unwrap().heard;
+    assert!(matches!(heard, Some(Heard::Greeting(_, None))), "{heard:?}");
+    assert_eq!(listener.hear(Time::ZERO, THREE, &frame), Err(Refusal::ForeignGreeting { node: TWO }));
+    assert_eq!(
+        listener.counts(),
+        Counts { taken: 2, taken_bytes: 2 * frame.len() as u64, refused: 1, dropped: 0 }
+    );
+}

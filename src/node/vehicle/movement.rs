@@ -1,0 +1,313 @@
+//! What the vehicle was told about moving, and which way it claims meanwhile: the states that the actor's doc draws.
+//! Whether the body moves is said by telemetry, which ends a leg, a turn or a braking; nothing here speaks to the autopilot.
+
+use std::collections::VecDeque;
+
+use serde::{Deserialize, Serialize};
+
+use super::words::{Motion, Telemetry};
+use super::{REST_GRACE, SAY_AGAIN};
+use crate::geom::{Point, Segment};
+use crate::time::Time;
+
+/// What the vehicle was told last about moving.
+#[derive(Clone, PartialEq, Debug, Default, Serialize, Deserialize)]
+pub(super) enum Movement {
+    /// Nothing yet, or what it was told has ended.
+    #[default]
+    Idle,
+    /// To drive a leg.
+    Driving(Leg),
+    /// To turn on the spot.
+    Turning {
+        /// When it was told.
+        since: Time,
+        /// What it drove before, claimed until telemetry has shown its end.
+        leg: Option<Leg>,
+    },
+    /// To stop; it stands until it is told to move.
+    Stopped(Stop),
+    /// To stop, by the reflex.
+    Halted(Stop),
+}
+
+/// A way that is being driven.
+#[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
+pub(super) struct Leg {
+    since: Time,
+    /// It leads to no stop: nobody's plan says who goes first.
+    is_off_plan: bool,
+    /// What lies ahead; never empty.
+    corners: VecDeque<Point>,
+}
+
+/// A stop, said again until telemetry shows rest.
+#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
+pub(super) struct Stop {
+    /// When it was said last.
+    said: Time,
+    /// Where the braking on a leg ends; `None` once it has ended, and where there was no leg.
+    braking_end: Option<Point>,
+}
+
+impl Movement {
+    /// Drives along corners, the first of which lies ahead, from now on.
+    pub fn drive(&mut self, now: Time, is_off_plan: bool, corners: &[Point]) {
+        let corners = corners.iter().copied().collect();
+        *self = Movement::Driving(Leg { since: now, is_off_plan, corners });
+    }
+
+    /// Turns on the spot from now on.
+    pub fn turn(&mut self, now: Time) {
+        let leg = match std::mem::take(self) {
+            Movement::Idle => None,
+            Movement::Driving(leg) => Some(leg),
+            Movement::Turning { since: _, leg } => leg,
+            Movement::Stopped(stop) | Movement::Halted(stop) => stop.leg(),
+        };
+        *self = Movement::Turning { since: now, leg };
+    }
+
+    /// Stops, or says so again; on a leg it claims the way to where its braking ends.
+    pub fn stop(&mut self, now: Time, braking_end: Option<Point>) {
+        let stop = Stop { said: now, braking_end: braking_end.filter(|_| self.claims_a_way()) };
+        *self = match self {
+            Movement::Halted(_) => Movement::Halted(stop),
+            Movement::Idle | Movement::Driving(_) | Movement::Turning { .. } | Movement::Stopped(_) => {
+                Movement::Stopped(stop)
+            }
+        };
+    }
+
+    /// Stops by the reflex.
+    pub fn halt(&mut self, now: Time, braking_end: Option<Point>) {
+        *self =
+            Movement::Halted(Stop { said: now, braking_end: braking_end.filter(|_| self.claims_a_way()) });
+    }
+
+    /// Takes what telemetry shows: drops what was driven, and ends what has come to rest.
+    pub fn take(&mut self, now: Time, telemetry: &Telemetry) {
+        let has_ended = |since: Time| telemetry.motion == Motion::Resting && now.since(since) > REST_GRACE;
+        match self {
+            Movement::Idle => {}
+            Movement::Driving(leg) => {
+                leg.pass(telemetry.pose.at);
+                if has_ended(leg.since) {
+                    *self = Movement::Idle;
+                }
+            }
+            Movement::Turning { since, leg } => {
+                if let Some(leg) = leg {
+                    leg.pass(telemetry.pose.at);
+                }
+                leg.take_if(|leg| has_ended(leg.since));
+                if has_ended(*since) {
+                    *self = Movement::Idle;
+                }
+            }
+            Movement::Stopped(stop) | Movement::Halted(stop) => {
+                stop.braking_end.take_if(|_| has_ended(stop.said));
+            }
+        }
+    }
+
+    /// Returns whether the last word was to stop.
+    pub fn is_stop(&self) -> bool {
+        match self {
+            Movement::Stopped(_) | Movement::Halted(_) => true,
+            Movement::Idle | Movement::Driving(_) | Movement::Turning { .. } => false,
+        }
+    }
+
+    /// Returns whether the reflex has stopped it.
+    pub fn is_halted(&self) -> bool {
+        match self {
+            Movement::Halted(_) => true,
+            Movement::Idle | Movement::Driving(_) | Movement::Turning { .. } | Movement::Stopped(_) => false,
+        }
+    }
+
+    /// Returns whether a stop must be said again: a while ago it was said, and telemetry shows no rest.
+    pub fn is_stop_due_again(&self, now: Time, motion: Motion) -> bool {
+        match self {
+            Movement::Stopped(stop) | Movement::Halted(stop) => {
+                motion != Motion::Resting && now.since(stop.said) >= SAY_AGAIN
+            }
+            Movement::Idle | Movement::Driving(_) | Movement::Turning { .. } => false,
+        }
+    }
+
+    /// Returns the way that it claims from where it is: on a leg or braking; `None` when it claims no more than its place.
+    pub fn way_from(&self, at: Point) -> Option<Vec<Point>> {
+        match self {
+            Movement::Idle | Movement::Turning { leg: None, .. } => None,
+            Movement::Driving(leg) | Movement::Turning { leg: Some(leg), .. } => Some(leg.way_from(at)),
+            Movement::Stopped(stop) | Movement::Halted(stop) => stop.braking_end.map(|end| vec![at, end]),
+        }
+    }
+
+    /// Returns the same for a leg on which nobody's plan says who goes first; `None` for any other.
+    pub fn way_off_plan_from(&self, at: Point) -> Option<Vec<Point>> {
+        match self {
+            Movement::Driving(leg) | Movement::Turning { leg: Some(leg), .. } => {
+                leg.is_off_plan.then(|| leg.way_from(at))
+            }
+            Movement::Idle
+            | Movement::Turning { leg: None, .. }
+            | Movement::Stopped(_)
+            | Movement::Halted(_) => None,
+        }
+    }
+
+    fn claims_a_way(&self) -> bool {
+        match self {
+            Movement::Idle => false,
+            Movement::Driving(_) => true,
+            Movement::Turning { since: _, leg } => leg.is_some(),
+            Movement::Stopped(stop) | Movement::Halted(stop) => stop.braking_end.is_some(),
+        }
+    }
+}
+
+impl Leg {
+    /// Drops the corners that lie behind; the last one stays.
+    fn pass(&mut self, at: Point) {
+        while self.corners.len() > 1 {
+            let piece = Segment::new(self.corners[0], self.corners[1]);
+            if piece.nearest_share(at) <= 0.0 {
+                break;
+            }
+            self.corners.pop_front();
+        }
+    }
+
+    fn way_from(&self, at: Point) -> Vec<Point> {
+        std::iter::once(at).chain(self.corners.iter().copied()).collect()
+    }
+}
+
+impl Stop {
+    /// Returns what is left of its braking, as a leg.
+    fn leg(self) -> Option<Leg> {
+        let corners = VecDeque::from([self.braking_end?]);
+        Some(Leg { since: self.said, is_off_plan: false, corners })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geom::{Angle, Pose};
+    use crate::node::tests_support::variant_of;
+
+    fn at(time_s: f64) -> Time {
+        Time::from_secs_f64(time_s)
+    }
+
+    fn point(x_m: f64) -> Point {
+        Point::new(x_m, 0.0)
+    }
+
+    fn telemetry(x_m: f64, motion: Motion) -> Telemetry {
+        let pose = Pose { at: point(x_m), heading: Angle::default(), sd_m: 0.05 };
+        Telemetry { pose, speed_mps: 0.0, battery: 1.0, motion, is_armed: true }
+    }
+
+    /// One movement of each kind, with its name; all were told at 1 s.
+    fn every_kind() -> [(&'static str, Movement); 7] {
+        let told = |tell: &dyn Fn(&mut Movement)| {
+            let mut movement = Movement::default();
+            tell(&mut movement);
+            movement
+        };
+        let drive = |movement: &mut Movement| movement.drive(at(1.0), true, &[point(2.0), point(4.0)]);
+        [
+            ("Idle", told(&|_| {})),
+            ("Driving", told(&drive)),
+            ("Turning", told(&|movement| movement.turn(at(1.0)))),
+            ("Turning, a leg left", told(&|movement| (drive(movement), movement.turn(at(1.0))).1)),
+            ("Stopped", told(&|movement| movement.stop(at(1.0), None))),
+            (
+                "Stopped on a leg",
+                told(&|movement| (drive(movement), movement.stop(at(1.0), Some(point(1.0)))).1),
+            ),
+            ("Halted", told(&|movement| (drive(movement), movement.halt(at(1.0), Some(point(1.0)))).1)),
+        ]
+    }
+
+    #[test]
+    fn every_word_leads_from_every_state_where_the_drawing_says() {
+        for (from, before) in every_kind() {
+            let after = |tell: &dyn Fn(&mut Movement)| {
+                let mut movement = before.clone();
+                tell(&mut movement);
+                variant_of(&movement)
+            };
+            assert_eq!(after(&|it| it.drive(at(2.0), true, &[point(1.0)])), "Driving", "from {from}");
+            assert_eq!(after(&|it| it.turn(at(2.0))), "Turning", "from {from}");
+            let stopped = if from == "Halted" { "Halted" } else { "Stopped" };
+            assert_eq!(after(&|it| it.stop(at(2.0), None)), stopped, "from {from}");
+            assert_eq!(after(&|it| it.halt(at(2.0), None)), "Halted", "from {from}");
+            let rests = telemetry(0.0, Motion::Resting);
+            assert_eq!(after(&|it| it.take(at(1.3), &rests)), variant_of(&before), "it may not have begun");
+            let rested = if before.is_stop() { variant_of(&before) } else { "Idle".to_owned() };
+            assert_eq!(after(&|it| it.take(at(1.4), &rests)), rested, "from {from}");
+            for motion in [Motion::Driving, Motion::Turning] {
+                assert_eq!(
+                    after(&|it| it.take(at(9.0), &telemetry(0.0, motion))),
+                    variant_of(&before),
+                    "from {from}"
+                );
+            }
+        }
+    }
+
+    #[test]
+    fn a_way_is_claimed_until_rest_and_no_further_than_it_is_needed() {
+        for (kind, mut movement) in every_kind() {
+            let claimed = movement.way_from(point(0.0)).map(|way| way.len());
+            let expected = match kind {
+                "Driving" | "Turning, a leg left" => Some(3),
+                "Stopped on a leg" | "Halted" => Some(2),
+                _ => None,
+            };
+            assert_eq!(claimed, expected, "{kind}");
+            movement.take(at(1.1), &telemetry(3.0, Motion::Driving));
+            assert_eq!(
+                movement.way_from(point(3.0)).map(|way| way.len()),
+                expected.map(|_| 2),
+                "{kind}, on its way"
+            );
+            movement.take(at(1.4), &telemetry(3.0, Motion::Resting));
+            assert_eq!(movement.way_from(point(3.0)), None, "{kind}, at rest");
+        }
+    }
+
+    #[test]
+    fn only_a_leg_off_plan_yields_and_no_longer_once_it_brakes() {
+        let mut movement = Movement::default();
+        movement.drive(at(1.0), false, &[point(2.0)]);
+        assert_eq!(movement.way_off_plan_from(point(0.0)), None, "a plan says who goes first");
+        movement.drive(at(1.0), true, &[point(2.0)]);
+        assert_eq!(movement.way_off_plan_from(point(0.0)), Some(vec![point(0.0), point(2.0)]));
+        movement.stop(at(1.5), Some(point(0.5)));
+        assert_eq!(movement.way_off_plan_from(point(0.0)), None);
+        movement.turn(at(1.6));
+        assert_eq!(movement.way_from(point(0.4)), Some(vec![point(0.4), point(0.5)]), "it brakes still");
+        assert_eq!(movement.way_off_plan_from(point(0.4)), None);
+    }
+
+    #[test]
+    fn a_stop_is_due_again_while_anything_moves_and_braking_is_not_made_up_again_at_rest() {
+        for (kind, movement) in every_kind() {
+            for motion in [Motion::Driving, Motion::Turning] {
+                assert_eq!(movement.is_stop_due_again(at(1.3), motion), movement.is_stop(), "{kind}");
+                assert!(!movement.is_stop_due_again(at(1.2), motion), "{kind}");
+            }
+            assert!(!movement.is_stop_due_again(at(9.0), Motion::Resting), "{kind}");
+        }
+        let mut movement = Movement::default();
+        movement.stop(at(1.0), Some(point(1.0)));
+        assert_eq!(movement.way_from(point(0.0)), None, "what drove no leg claims none when it brakes");
+    }
+}

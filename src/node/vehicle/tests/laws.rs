@@ -1,0 +1,377 @@
+//! What holds whatever the vehicle is told, and in which order: random sequences of inputs, and a witness that sees only
+//! what goes in and what comes out. The witness knows no state of the actor, so that both can be wrong only apart.
+
+use std::cmp::Reverse;
+use std::collections::BTreeSet;
+
+use proptest::prelude::*;
+use proptest::strategy::ValueTree;
+use proptest::test_runner::TestRunner;
+use tomoswarm_proto::{Ordered, StopId};
+
+use super::*;
+use crate::node::tests_support::{variant_of, variants};
+use crate::node::vehicle::disarming::Disarming;
+use crate::node::vehicle::restraint::Restraint;
+
+/// What happens next; what refers to something refers to what the witness has seen.
+#[derive(Clone, Debug)]
+enum Happening {
+    Telemetry {
+        x_m: f64,
+        motion: Motion,
+        is_armed: bool,
+        is_lost: bool,
+    },
+    Scan {
+        range_m: f64,
+    },
+    Drive {
+        has_stop: bool,
+        to_m: f64,
+        decided_ago: Duration,
+    },
+    Turn {
+        decided_ago: Duration,
+    },
+    Stand,
+    Order {
+        kind: OrderKind,
+        lease_step: i32,
+        holder: u64,
+        revision_step: i32,
+        states_ago: u64,
+        is_ours: bool,
+    },
+    Peer {
+        y_m: f64,
+        drives: bool,
+    },
+    MissionHolds(bool),
+    Nothing,
+}
+
+fn any_motion() -> impl Strategy<Value = Motion> {
+    prop_oneof![Just(Motion::Resting), Just(Motion::Turning), Just(Motion::Driving)]
+}
+
+fn any_kind() -> impl Strategy<Value = OrderKind> {
+    prop_oneof![
+        3 => Just(OrderKind::Start),
+        1 => Just(OrderKind::Hold),
+        1 => Just(OrderKind::Return),
+        1 => Just(OrderKind::Land),
+        1 => Just(OrderKind::Emergency),
+        1 => Just(OrderKind::CutMotors),
+    ]
+}
+
+fn any_order() -> impl Strategy<Value = Happening> {
+    let lease_step = prop_oneof![6 => Just(0), 1 => Just(1), 1 => Just(-1)];
+    let states_ago = prop_oneof![5 => 0..3u64, 1 => 3..80u64];
+    (any_kind(), lease_step, 0..3u64, -1..3i32, states_ago, prop::bool::weighted(0.9)).prop_map(
+        |(kind, lease_step, holder, revision_step, states_ago, is_ours)| Happening::Order {
+            kind,
+            lease_step,
+            holder,
+            revision_step,
+            states_ago,
+            is_ours,
+        },
+    )
+}
+
+fn any_happening() -> impl Strategy<Value = Happening> {
+    let decided_ago = || (0..1300u64).prop_map(Duration::from_millis);
+    let telemetry = (0.0..2.0f64, any_motion(), any::<bool>(), prop::bool::weighted(0.05))
+        .prop_map(|(x_m, motion, is_armed, is_lost)| Happening::Telemetry { x_m, motion, is_armed, is_lost });
+    let drive = (any::<bool>(), -4.0..26.0f64, decided_ago())
+        .prop_map(|(has_stop, to_m, decided_ago)| Happening::Drive { has_stop, to_m, decided_ago });
+    prop_oneof![
+        12 => telemetry,
+        2 => (0.1..4.0f64).prop_map(|range_m| Happening::Scan { range_m }),
+        4 => drive,
+        2 => decided_ago().prop_map(|decided_ago| Happening::Turn { decided_ago }),
+        1 => Just(Happening::Stand),
+        5 => any_order(),
+        1 => (0.0..6.0f64, any::<bool>()).prop_map(|(y_m, drives)| Happening::Peer { y_m, drives }),
+        1 => any::<bool>().prop_map(Happening::MissionHolds),
+        1 => Just(Happening::Nothing),
+    ]
+}
+
+/// Happenings, each some time after the one before.
+fn any_sequence() -> impl Strategy<Value = Vec<(Duration, Happening)>> {
+    let gap_ms = prop_oneof![8 => 0..250u64, 2 => 250..700u64, 1 => 700..9000u64];
+    prop::collection::vec((gap_ms.prop_map(Duration::from_millis), any_happening()), 1..120)
+}
+
+/// What the orders obeyed so far forbid.
+#[derive(Clone, Copy, PartialEq, Debug)]
+enum Ban {
+    None,
+    UntilStartOrReturn,
+    UntilStart,
+}
+
+/// Watches what goes into a vehicle and what comes out of it.
+struct Witness {
+    vehicle: Vehicle,
+    now: Time,
+    sequence: u64,
+    here: Point,
+    peer_sequence: u64,
+    highest: (u32, Reverse<u64>, u32),
+    ban: Ban,
+    /// When the last stop was said, unless a drive or a turn was said since.
+    stop_said: Option<Time>,
+    /// When the last disarming was said, unless an arming was said since.
+    disarm_said: Option<Time>,
+    /// When an order to disarm at rest was obeyed that no disarming and no arming has followed.
+    disarm_owed: Option<Time>,
+    has_reported_silence: bool,
+}
+
+impl Witness {
+    fn new() -> Witness {
+        Witness {
+            vehicle: Vehicle::new(settings(1)),
+            now: at(1.0),
+            sequence: 0,
+            here: Point::new(0.0, 0.0),
+            peer_sequence: 0,
+            highest: (0, Reverse(0), 0),
+            ban: Ban::None,
+            stop_said: None,
+            disarm_said: None,
+            disarm_owed: None,
+            has_reported_silence: false,
+        }
+    }
+
+    /// Lets the time pass, and then something happen; wakes the vehicle in between as every runtime does.
+    fn see(&mut self, gap: Duration, happening: &Happening) {
+        let next = self.now + gap;
+        if let Some(due) = self.vehicle.deadline().filter(|due| due.at <= next) {
+            self.now = due.at;
+            let mut out = Vec::new();
+            self.vehicle.wake(due.at, &mut out).unwrap();
+            assert_eq!(out, [Out::Remark(Remark::AutopilotSilent)]);
+            assert!(self.vehicle.deadline().is_none_or(|later| later.at > due.at), "woken in vain");
+            assert!(!std::mem::replace(&mut self.has_reported_silence, true), "silence is reported once");
+        }
+        self.now = next;
+        let Some(input) = self.input(happening) else { return };
+        let mut out = Vec::new();
+        self.vehicle.handle(self.now, input.clone(), &mut out).unwrap();
+        self.check_flying(&input, &out);
+        self.check_order(&input, &out);
+        self.note(&out);
+        if let In::Telemetry(telemetry) = input {
+            self.check_owed(&telemetry);
+            self.check_state(&out);
+        }
+    }
+
+    fn input(&mut self, happening: &Happening) -> Option<In> {
+        let decided = |ago: Duration| self.now - ago;
+        Some(match *happening {
+            Happening::Telemetry { x_m, motion, is_armed, is_lost } => {
+                (self.here, self.has_reported_silence) = (Point::new(x_m, 0.0), false);
+                let sd_m = if is_lost { 0.9 } else { 0.05 };
+                let pose = Pose { at: self.here, heading: Angle::default(), sd_m };
+                let speed_mps = if motion == Motion::Driving { 0.5 } else { 0.0 };
+                In::Telemetry(Telemetry { pose, speed_mps, battery: 1.0, motion, is_armed })
+            }
+            Happening::Scan { range_m } => scan(range_m, 0.0),
+            Happening::Drive { has_stop, to_m, decided_ago } => {
+                let route = vec![self.here, Point::new(1.0, to_m / 2.0), Point::new(0.0, to_m)];
+                let stop = has_stop.then_some(StopId(4));
+                In::Command(decided(decided_ago), Command::Drive { stop, route })
+            }
+            Happening::Turn { decided_ago } => {
+                In::Command(decided(decided_ago), Command::Turn(Angle::default()))
+            }
+            Happening::Stand => In::Command(Time::ZERO, Command::Hold),
+            Happening::Order { kind, lease_step, holder, revision_step, states_ago, is_ours } => {
+                let (number, Reverse(known_holder), revision) = self.highest;
+                let lease = Lease {
+                    number: number.saturating_add_signed(lease_step),
+                    holder: if lease_step == 0 { known_holder } else { holder },
+                };
+                let revision = revision.saturating_add_signed(revision_step);
+                let seen_state = self.sequence.saturating_sub(states_ago);
+                let vehicle = if is_ours { VehicleId(1) } else { VehicleId(2) };
+                In::Order(Order { vehicle, ..order(kind, lease, revision, seen_state) })
+            }
+            Happening::Peer { y_m, drives } => {
+                self.peer_sequence += 1;
+                let to = [Point::new(1.0, y_m), Point::new(1.0, 1.0)].map(Into::into).to_vec();
+                let leg = drives.then_some(LegReport { route: to });
+                let mode = if drives { Mode::Driving } else { Mode::Idle };
+                let peer = crate::node::tests_support::state(2, 1.0, y_m);
+                In::Peer(State { sequence: self.peer_sequence, mode, leg, ..peer })
+            }
+            Happening::MissionHolds(holds) => In::Holds(holds),
+            Happening::Nothing => return None,
+        })
+    }
+
+    /// Nothing moves under a ban or disarmed, and only by a command; motors get current only by an order that frees.
+    fn check_flying(&self, input: &In, out: &[Out]) {
+        for fly in flown(out) {
+            match fly {
+                Fly::Drive { .. } | Fly::Turn(_) => {
+                    assert!(matches!(input, In::Command(..)), "it moves by itself");
+                    assert_eq!(self.ban, Ban::None, "it moves although it was stopped by an order");
+                    assert_eq!(self.disarm_said, None, "it moves without motors");
+                }
+                Fly::Arm => {
+                    let frees = obeyed_kind(out).is_some_and(|kind| match kind {
+                        OrderKind::Start => true,
+                        OrderKind::Return => self.ban != Ban::UntilStart,
+                        OrderKind::Hold | OrderKind::Land | OrderKind::Emergency | OrderKind::CutMotors => {
+                            false
+                        }
+                    });
+                    assert!(frees, "it is armed by {input:?}");
+                }
+                Fly::Disarm => {
+                    let may = self.disarm_said.is_some() || obeyed_kind(out) == Some(OrderKind::CutMotors);
+                    let rests = matches!(input, In::Telemetry(told) if told.motion == Motion::Resting);
+                    assert!(may || (self.disarm_owed.is_some() && rests), "braking needs the motors");
+                }
+                Fly::Stop => {
+                    let is_lost = |told: &Telemetry| told.pose.sd_m > 0.5;
+                    let is_due = |told| self.stop_said.is_some() || is_lost(told);
+                    assert!(!matches!(input, In::Telemetry(told) if !is_due(told)), "it stops for nothing");
+                }
+            }
+        }
+        if let In::Command(_, Command::Hold) = input {
+            assert!(stops(out), "standing is always allowed");
+        }
+    }
+
+    /// Orders are obeyed in ascending order, those that stop whatever their age, and at once.
+    fn check_order(&self, input: &In, out: &[Out]) {
+        let In::Order(order) = input else {
+            assert!(!obeyed(out), "an order out of nothing");
+            return;
+        };
+        let is_higher = edition(order) > self.highest;
+        let is_ours = order.vehicle == VehicleId(1);
+        assert!(!obeyed(out) || (is_higher && is_ours), "obeyed {order:?} after {:?}", self.highest);
+        let stopping = !matches!(order.kind, OrderKind::Start | OrderKind::Return);
+        assert!(obeyed(out) || !(is_higher && is_ours && stopping), "not stopped by {order:?}");
+        if obeyed(out) {
+            assert_eq!(stops(out), order.kind != OrderKind::Start, "{order:?}");
+            assert_eq!(flown(out).contains(&Fly::Disarm), order.kind == OrderKind::CutMotors, "{order:?}");
+            let armed = match order.kind {
+                OrderKind::Start => true,
+                OrderKind::Return => self.ban != Ban::UntilStart,
+                OrderKind::Hold | OrderKind::Land | OrderKind::Emergency | OrderKind::CutMotors => false,
+            };
+            assert_eq!(flown(out).contains(&Fly::Arm), armed, "{order:?}");
+        }
+    }
+
+    /// Notes what was said.
+    fn note(&mut self, out: &[Out]) {
+        for said in out {
+            match said {
+                Out::Fly(Fly::Drive { .. } | Fly::Turn(_)) => self.stop_said = None,
+                Out::Fly(Fly::Stop) => self.stop_said = Some(self.now),
+                Out::Fly(Fly::Arm) => (self.disarm_said, self.disarm_owed) = (None, None),
+                Out::Fly(Fly::Disarm) => (self.disarm_said, self.disarm_owed) = (Some(self.now), None),
+                Out::Order(order) => self.note_order(order),
+                Out::State(state) => self.sequence = state.sequence,
+                Out::Publish(_) | Out::Remark(_) => {}
+            }
+        }
+    }
+
+    fn note_order(&mut self, order: &Order) {
+        self.highest = edition(order);
+        match order.kind {
+            OrderKind::Start => self.ban = Ban::None,
+            OrderKind::Return if self.ban == Ban::UntilStart => {}
+            OrderKind::Return => self.ban = Ban::None,
+            OrderKind::Hold | OrderKind::Land if self.ban == Ban::UntilStart => {}
+            OrderKind::Hold | OrderKind::Land => self.ban = Ban::UntilStartOrReturn,
+            OrderKind::Emergency | OrderKind::CutMotors => self.ban = Ban::UntilStart,
+        }
+        if matches!(order.kind, OrderKind::Land | OrderKind::Emergency) {
+            self.disarm_owed = Some(self.now);
+        }
+    }
+
+    /// What telemetry does not show was said again by now; what waits for rest was said at rest.
+    fn check_owed(&self, telemetry: &Telemetry) {
+        let again = Duration::from_millis(300);
+        let moves = telemetry.motion != Motion::Resting;
+        let is_older = |said: Option<Time>| said.is_some_and(|said| self.now.since(said) >= again);
+        assert!(!(moves && is_older(self.stop_said)), "it moves and is not told to stop again");
+        assert!(!(telemetry.is_armed && is_older(self.disarm_said)), "armed, and not told to disarm again");
+        let is_late = self.disarm_owed.is_some_and(|since| self.now.since(since) > again);
+        assert!(moves || !is_late, "it rests and is not disarmed");
+    }
+
+    /// The state tells the highest order, and whether an emergency stands.
+    fn check_state(&self, out: &[Out]) {
+        let state = out.iter().find_map(|out| match out {
+            Out::State(state) => Some(state),
+            Out::Publish(_) | Out::Fly(_) | Out::Order(_) | Out::Remark(_) => None,
+        });
+        let state = state.expect("every telemetry makes a state");
+        let Ordered { lease, revision, .. } = state.ordered;
+        assert_eq!((lease.number, Reverse(lease.holder), revision.0), self.highest);
+        assert_eq!(state.mode == Mode::Emergency, self.ban == Ban::UntilStart);
+        assert!(state.mode != Mode::Idle || self.ban == Ban::None, "a vehicle that is held says so");
+    }
+}
+
+/// What orders are compared by, in the words of this file: the higher lease, of two the lower holder, then the revision.
+fn edition(order: &Order) -> (u32, Reverse<u64>, u32) {
+    (order.lease.number, Reverse(order.lease.holder), order.revision.0)
+}
+
+fn obeyed_kind(out: &[Out]) -> Option<OrderKind> {
+    out.iter().find_map(|out| match out {
+        Out::Order(order) => Some(order.kind),
+        Out::Remark(_) | Out::Fly(_) | Out::State(_) | Out::Publish(_) => None,
+    })
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(512))]
+
+    #[test]
+    fn the_laws_hold_whatever_comes(sequence in any_sequence()) {
+        let mut witness = Witness::new();
+        for (gap, happening) in &sequence {
+            witness.see(*gap, happening);
+        }
+    }
+}
+
+#[test]
+fn the_sequences_reach_every_state_and_move_and_stop_in_all_of_them() {
+    let mut runner = TestRunner::deterministic();
+    let (mut moved, mut restrained, mut disarmed) = (BTreeSet::new(), BTreeSet::new(), BTreeSet::new());
+    for _ in 0..200 {
+        let mut witness = Witness::new();
+        for (gap, happening) in any_sequence().new_tree(&mut runner).unwrap().current() {
+            witness.see(gap, &happening);
+            moved.insert(variant_of(&witness.vehicle.movement));
+            let restraint = witness.vehicle.orders.restraint();
+            restrained.insert(variant_of(restraint));
+            if let Restraint::Landing(disarming) | Restraint::Emergency(disarming) = restraint {
+                disarmed.insert(variant_of(disarming));
+            }
+        }
+    }
+    assert_eq!(moved, variants::<Movement>());
+    assert_eq!(restrained, variants::<Restraint>());
+    assert_eq!(disarmed, variants::<Disarming>());
+}

@@ -1,0 +1,75 @@
+//! A node of the swarm on the bus: it asks whether it may take part, greets, and is told of what it may hear. The rules
+//! are [`crate::exchange::presence`]'s; this is the shell that gives them threads and says aloud what they decide.
+
+use std::sync::Mutex;
+
+use tomoswarm_proto::{Hello, Message, Sender};
+
+use super::bus::{Bus, BusError, BusSettings, Heard, Mouth};
+use super::desk::{Ending, Office, lock};
+use crate::exchange::joining::Verdict;
+use crate::exchange::presence::Presence;
+use crate::time::Time;
+
+/// A node on the bus.
+pub struct Member {
+    bus: Bus,
+    is_speaking: bool,
+}
+
+impl Member {
+    /// Goes on the bus and begins to ask; `hear` gets every message of nodes that fit.
+    ///
+    /// # Errors
+    /// The bus cannot be opened.
+    pub fn open(
+        settings: BusSettings,
+        own: Hello,
+        office: &Office,
+        hear: impl Fn(Sender, Message) + Send + Sync + 'static,
+    ) -> Result<Member, BusError> {
+        let endings = Mutex::new(office.endings.clone());
+        let presence = Presence::asking(office.clock.now(), own);
+        let take = move |heard: Option<Heard>, verdict| {
+            if let Some(Heard::Message(sender, message)) = heard {
+                hear(sender, message);
+            }
+            match verdict {
+                Verdict::Fine => {}
+                Verdict::Foreign(reason) | Verdict::Stays(reason) => tracing::warn!("{reason}"),
+                Verdict::Refused(reason) => {
+                    lock(&endings).send(Ending::Refused(reason)).unwrap_or_default();
+                }
+            }
+        };
+        let bus = Bus::join(settings, presence, office.clock, office.troubles.clone(), take)?;
+        Ok(Member { bus, is_speaking: false })
+    }
+
+    /// Returns the handle by which messages are published.
+    pub fn mouth(&self) -> Mouth {
+        self.bus.mouth()
+    }
+
+    /// Greets when it is time; returns when to be called again. Once nobody has objected the node may speak.
+    pub fn greet(&mut self, now: Time) -> Time {
+        let mouth = self.bus.mouth();
+        let is_linked = !self.is_speaking && mouth.links() > 0;
+        let next = mouth.greet(now, is_linked);
+        if !self.is_speaking && mouth.is_member() {
+            self.is_speaking = true;
+            tracing::info!("takes part in the bus");
+        }
+        next.unwrap_or(Time::NEVER)
+    }
+
+    /// Returns whether the node takes part.
+    pub fn is_member(&self) -> bool {
+        self.is_speaking
+    }
+
+    /// Leaves the bus.
+    pub fn close(self) {
+        self.bus.close();
+    }
+}
