@@ -6,14 +6,14 @@ use std::collections::BTreeSet;
 use std::path::Path;
 use std::time::Duration;
 
-use tomoswarm_proto::{Boot, Sender, VehicleId};
+use tomoswarm_proto::{Boot, VehicleId};
 
 use super::error::CliError;
 use super::read;
 use crate::config::{self, BusFile, Config, Endpoint, Protocol, Topology, Venue};
 use crate::run::bus::{BusError, BusSettings};
 use crate::run::door::session::Session;
-use crate::run::membership;
+use crate::run::membership::{self, OPERATOR};
 
 /// What a command knows before it hears anything.
 pub struct Door {
@@ -40,7 +40,7 @@ impl Door {
             Config::Ground(file) if file.bus.identity.is_some() => {
                 let reason = "is the ground station's own file, and its certificate is not an operator's; \
                               give the operator's file here, which `tomoswarm enroll FOLDER --venue FILE operator \
-                              --ground-host HOST` writes (FOLDER/operator/operator.toml)";
+                              --ground-host HOST` writes (FOLDER/operator-1/operator.toml)";
                 Err(CliError::Input { path: path.to_owned(), reason: reason.to_owned() })
             }
             Config::Ground(file) => {
@@ -65,7 +65,7 @@ impl Door {
     /// The bus does not take the settings, or cannot listen; the system gives no random numbers.
     pub fn open(&self) -> Result<Session, CliError> {
         // An operator's tool counts no starts.
-        let own = membership::greeting(Sender::Operator, Boot(0), &self.venue, &[]);
+        let own = membership::greeting(OPERATOR, Boot(0), &self.venue, Vec::new());
         let own = own.map_err(|error| CliError::Fault(error.to_string()))?;
         Session::open(self.settings.clone(), own).map_err(|error| match error {
             BusError::Settings { .. } => CliError::Usage(error.to_string()),
@@ -111,7 +111,7 @@ fn settings(path: &Path, venue: &Venue, file: &BusFile) -> Result<BusSettings, C
         let reason = "names no endpoint with a port by which the swarm can be reached".to_owned();
         return Err(CliError::Input { path: path.to_owned(), reason });
     }
-    let access = membership::access(Sender::Operator, venue, file, None);
+    let access = membership::access(OPERATOR, venue, file, None);
     let access = access.map_err(|error| CliError::Usage(error.to_string()))?;
-    Ok(membership::bus_settings(Sender::Operator, venue, file, access))
+    Ok(membership::bus_settings(OPERATOR, venue, file, access))
 }

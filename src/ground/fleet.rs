@@ -10,12 +10,14 @@ use std::collections::BTreeMap;
 use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
-use tomoswarm_proto::{Boot, Lease, Order, OrderKind, Ordered, Progress, Revision, RunId, State, VehicleId};
+use tomoswarm_proto::{Boot, Lease, Order, OrderKind, Ordered, Revision, RunId, SeenState, State, VehicleId};
 
+use crate::geom::Point;
+use crate::sweep::VehicleProgress;
 use crate::time::Time;
 
 /// What must not be forgotten of a vehicle when the ground station starts anew.
-#[derive(Clone, Copy, PartialEq, Debug, Default, Serialize, Deserialize)]
+#[derive(Clone, PartialEq, Debug, Default, Serialize, Deserialize)]
 pub struct Dealings {
     /// Newest start of its software that was heard.
     pub boot: Option<Boot>,
@@ -39,7 +41,7 @@ pub struct Member {
     /// Its newest state, and when it came.
     pub state: Option<(Time, State)>,
     /// Its newest progress.
-    pub progress: Option<Progress>,
+    pub progress: Option<VehicleProgress>,
     /// When it last said its state. Progress alone is no sign of life: it comes on when the autopilot is silent.
     pub heard_at: Option<Time>,
     /// What was dealt with it.
@@ -76,7 +78,7 @@ impl Fleet {
     pub fn recall(&mut self, dealings: &[(VehicleId, Dealings)]) {
         for (vehicle, known) in dealings {
             if let Some(member) = self.members.get_mut(vehicle) {
-                member.dealings = *known;
+                member.dealings = known.clone();
             }
         }
     }
@@ -88,7 +90,7 @@ impl Fleet {
 
     /// Gives what was dealt with each vehicle, ascending.
     pub fn dealings(&self) -> Vec<(VehicleId, Dealings)> {
-        self.members().map(|(id, member)| (id, member.dealings)).collect()
+        self.members().map(|(id, member)| (id, member.dealings.clone())).collect()
     }
 
     /// Tells whether a vehicle is one of the fleet.
@@ -141,13 +143,13 @@ impl Fleet {
     }
 
     /// Takes a progress; one of an older start of the software, or a lower revision of the same run, changes nothing.
-    pub fn heard_progress(&mut self, progress: Progress) -> Shown {
+    pub fn heard_progress(&mut self, progress: VehicleProgress) -> Shown {
         let Some(member) = self.members.get_mut(&progress.vehicle) else { return Shown::default() };
         if member.dealings.boot.is_some_and(|boot| progress.boot < boot) {
             return Shown::default();
         }
         let mut shown = member.hear(progress.boot);
-        let key = |progress: &Progress| (progress.run, progress.revision, progress.done);
+        let key = |progress: &VehicleProgress| (progress.run, progress.revision, progress.done);
         let before = member.progress.as_ref().map(key);
         if before <= Some(key(&progress)) {
             member.progress = Some(progress);
@@ -157,20 +159,20 @@ impl Fleet {
     }
 
     /// Tells whether a progress was said by the newest start of a vehicle's software.
-    pub fn is_current(&self, progress: &Progress) -> bool {
+    pub fn is_current(&self, progress: &VehicleProgress) -> bool {
         let known = self.members.get(&progress.vehicle).and_then(|member| member.dealings.boot);
         known.is_none_or(|boot| boot <= progress.boot)
     }
 
-    /// Gives the number of the newest state heard from a vehicle; 0 = none.
-    pub fn newest_state(&self, vehicle: VehicleId) -> u64 {
-        let state = self.members.get(&vehicle).and_then(|member| member.state.as_ref());
-        state.map_or(0, |(_, state)| state.sequence)
+    /// Returns the newest state heard from a vehicle, as plans and orders name it; `None` = it was not heard.
+    pub fn newest_state(&self, vehicle: VehicleId) -> Option<SeenState> {
+        let (_, state) = self.members.get(&vehicle)?.state.as_ref()?;
+        Some(SeenState { boot: state.boot, sequence: state.sequence })
     }
 
     /// Tells whether it is known where every vehicle is that is not lost.
     pub fn are_placed(&self) -> bool {
-        self.members.values().all(|member| member.dealings.is_lost || member.state.is_some())
+        self.members.values().all(|member| member.dealings.is_lost || member.place().is_some())
     }
 
     /// Gives the highest revision of a run that any vehicle shows, so that a new ground begins above it.
@@ -191,7 +193,7 @@ impl Fleet {
     /// Gives what stands for any vehicle that is not lost: ordered by anyone and not ended by a Start; the strongest.
     pub fn standing(&self) -> Option<OrderKind> {
         let present = self.members.values().filter(|member| !member.dealings.is_lost);
-        present.filter_map(|member| member.dealings.stands).max()
+        present.filter_map(|member| member.dealings.stands).reduce(OrderKind::stronger)
     }
 
     /// Orders by this right from now on; what is still to be repeated too.
@@ -224,8 +226,9 @@ impl Fleet {
     pub fn open_orders(&self) -> Vec<Order> {
         let order = |member: &Member| {
             let (_, state) = member.state.as_ref()?;
-            let order = member.dealings.issued.filter(|_| member.dealings.is_pending)?;
-            Some(Order { seen_state: state.sequence, ..order })
+            let order = member.dealings.issued.as_ref().filter(|_| member.dealings.is_pending)?;
+            let seen = SeenState { boot: state.boot, sequence: state.sequence };
+            Some(Order { seen: Some(seen), ..order.clone() })
         };
         self.members.values().filter_map(order).collect()
     }
@@ -267,6 +270,12 @@ impl Fleet {
 }
 
 impl Member {
+    /// Returns where it is; `None` when it was not heard, or does not know.
+    pub fn place(&self) -> Option<Point> {
+        let (_, state) = self.state.as_ref()?;
+        state.pose.map(|pose| pose.at.into())
+    }
+
     /// Gives whether its software was started anew.
     fn hear(&mut self, boot: Boot) -> Shown {
         let known = self.dealings.boot.replace(boot);
@@ -277,15 +286,17 @@ impl Member {
 impl Dealings {
     fn order(&mut self, vehicle: VehicleId, lease: Lease, run: RunId, kind: OrderKind) {
         let obeyed = self.echo.map_or(Revision(0), |echo| echo.revision);
-        let pending = self.issued.filter(|_| self.is_pending).map_or(Revision(0), |order| order.revision);
+        let pending = self.issued.as_ref().filter(|_| self.is_pending);
+        let pending = pending.map_or(Revision(0), |order| order.revision);
         let revision = Revision(obeyed.max(pending).0.saturating_add(1));
-        self.issued = Some(Order { vehicle, lease, run, revision, seen_state: 0, kind });
+        self.issued = Some(Order { vehicle, lease, run, revision, seen: None, kind, ends: Vec::new() });
         self.is_pending = true;
         self.stand(kind);
     }
 
     fn stand(&mut self, kind: OrderKind) {
-        self.stands = if kind == OrderKind::Start { None } else { self.stands.max(Some(kind)) };
+        let strongest = self.stands.into_iter().chain([kind]).reduce(OrderKind::stronger);
+        self.stands = strongest.filter(|_| kind != OrderKind::Start);
     }
 
     /// Takes what a vehicle says it was ordered; gives the run that somebody else has started it for. Of what was
@@ -297,10 +308,11 @@ impl Dealings {
         let of = |order: &Order| (order.lease, order.revision);
         let is_own = self
             .issued
-            .is_some_and(|order| of(&order) == echo.edition() && (order.kind, order.run) == (kind, echo.run));
+            .as_ref()
+            .is_some_and(|order| of(order) == echo.edition() && (order.kind, order.run) == (kind, echo.run));
         // What somebody has stopped meanwhile is not started again by what was ordered before.
-        let is_beaten = self.issued.is_some_and(|order| {
-            echo.edition() >= of(&order) || (kind > order.kind && order.kind == OrderKind::Start)
+        let is_beaten = self.issued.as_ref().is_some_and(|order| {
+            echo.edition() >= of(order) || (kind != OrderKind::Start && order.kind == OrderKind::Start)
         });
         self.is_pending = self.is_pending && !is_beaten;
         if is_own {
@@ -441,10 +453,11 @@ mod tests {
         let mut fleet = Fleet::new(&[ONE], LEASE);
         assert!(!fleet.heard_state(Time::ZERO, state(100, 0, None)).restarted);
         assert!(fleet.heard_state(Time::ZERO, State { boot: Boot(2), ..state(1, 0, None) }).restarted);
-        let old = Progress { vehicle: ONE, boot: Boot(1), run: RunId(1), ..Progress::default() };
+        let old =
+            VehicleProgress { vehicle: ONE, boot: Boot(1), run: RunId(1), ..VehicleProgress::default() };
         assert_eq!(fleet.heard_progress(old), Shown::default());
-        assert!(fleet.heard_progress(Progress { boot: Boot(2), ..old }).got_on);
-        assert!(fleet.heard_progress(Progress { boot: Boot(3), ..old }).restarted);
+        assert!(fleet.heard_progress(VehicleProgress { boot: Boot(2), ..old }).got_on);
+        assert!(fleet.heard_progress(VehicleProgress { boot: Boot(3), ..old }).restarted);
     }
 
     #[test]
@@ -456,7 +469,11 @@ mod tests {
         fleet.heard_state(at(0), state(1, 0, None));
         for second in 0..40 {
             fleet.heard_state(at(second), State { vehicle: two, ..state(second + 1, 0, None) });
-            fleet.heard_progress(Progress { vehicle: ONE, boot: Boot(1), ..Progress::default() });
+            fleet.heard_progress(VehicleProgress {
+                vehicle: ONE,
+                boot: Boot(1),
+                ..VehicleProgress::default()
+            });
             let lost = fleet.lose(at(second), after, others);
             assert_eq!(lost, if second == 31 { vec![ONE] } else { vec![] }, "{second}");
         }

@@ -10,6 +10,7 @@ mod from_config;
 pub mod map;
 pub mod mission;
 pub mod outbox;
+mod own_state;
 mod peers;
 mod place;
 pub mod radio;
@@ -23,6 +24,7 @@ pub mod vehicle;
 mod vehicle_node;
 
 pub use acted::Acted;
+pub use own_state::OwnState;
 pub use route::{Effect, Event};
 pub use settings::{BodySettings, LookSettings, RadioSettings, SafetySettings, Settings, Task};
 pub use vehicle_node::VehicleNode;

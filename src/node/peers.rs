@@ -102,7 +102,9 @@ impl Peers {
         }
         let resting = state.leg.is_none() && !matches!(state.mode, Mode::Driving | Mode::Turning);
         let moved_at = known.filter(|_| resting).map_or(now, |known| known.moved_at);
-        let pose = Pose::from(state.pose);
+        let Some(pose) = state.pose.map(Pose::from) else {
+            return self.take_without_place(now, state, resting);
+        };
         let leg = state.leg.iter().flat_map(|leg| leg.route.iter().map(|corner| Point::from(*corner)));
         let peer = Peer {
             edition: edition(state),
@@ -119,13 +121,25 @@ impl Peers {
         self.newest.insert(state.vehicle, peer);
     }
 
+    /// Takes a state that tells no place: what was known of the place stays, and who was never placed is not known.
+    fn take_without_place(&mut self, now: Time, state: &State, resting: bool) {
+        let Some(peer) = self.newest.get_mut(&state.vehicle) else { return };
+        (peer.edition, peer.state_at, peer.heard_at) = (edition(state), Some(now), now);
+        peer.resting = resting;
+        if !resting {
+            peer.moved_at = now;
+        }
+    }
+
     /// Takes what a beacon tells; the own one, and one of an earlier start of its sender, changes nothing.
     pub fn sight(&mut self, now: Time, sighting: &Sighting) {
-        let (vehicle, boot) = (sighting.progress.vehicle, sighting.boot);
+        let (vehicle, boot) = (sighting.progress.vehicle, sighting.progress.boot);
         if vehicle == self.own {
             return;
         }
-        let pose = Pose::from(sighting.pose);
+        let Some(pose) = sighting.pose.map(Pose::from) else {
+            return self.sight_without_place(now, vehicle, boot);
+        };
         let unknown = Peer {
             edition: (boot, 0),
             state_at: None,
@@ -148,6 +162,14 @@ impl Peers {
         peer.heard_at = now;
         if peer.state_at.is_none_or(|at| now.since(at) > STATE_COUNTS) {
             peer.place(now, pose);
+        }
+    }
+
+    /// Takes a beacon that tells no place: its sender is heard, and what was known of its place stays.
+    fn sight_without_place(&mut self, now: Time, vehicle: VehicleId, boot: Boot) {
+        let known = self.newest.get_mut(&vehicle).filter(|peer| peer.edition.0 == boot);
+        if let Some(peer) = known {
+            peer.heard_at = now;
         }
     }
 

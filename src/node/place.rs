@@ -3,8 +3,8 @@
 use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
-use tomoswarm_proto::State;
 
+use super::OwnState;
 use crate::geom::{Pose, Vector};
 use crate::time::Time;
 
@@ -25,8 +25,8 @@ impl Place {
     }
 
     /// Takes the newest state.
-    pub fn take(&mut self, now: Time, state: &State) {
-        self.last = Some((now, Pose::from(state.pose), state.speed_mps));
+    pub fn take(&mut self, now: Time, state: &OwnState) {
+        self.last = Some((now, state.pose, state.speed_mps));
     }
 
     /// Gives the pose now, carried on along its heading; `None` when it is unknown, too old or too uncertain.

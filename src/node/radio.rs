@@ -19,12 +19,13 @@ use std::collections::BTreeMap;
 use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
-use tomoswarm_proto::{Beacon, Boot, PoseReport, Progress, RunId, Sample, State, VehicleId};
+use tomoswarm_proto::{BEACON_MEMBERS_MAX, Beacon, Boot, PoseReport, Progress, RunId, Sample, VehicleId};
 
-use super::Settings;
 use super::place::Place;
+use super::{OwnState, Settings};
 use crate::actor::{Actor, Class, Fault, Input};
 use crate::geom::Pose;
+use crate::sweep::VehicleProgress;
 use crate::time::{Deadline, Time};
 
 /// Members not heard of for this long leave the ring.
@@ -33,7 +34,7 @@ const MEMBER_FOR: Duration = Duration::from_secs(5);
 const JOIN_FROM: f64 = 0.15;
 const JOIN_UNTIL: f64 = 0.85;
 /// A gap of more beacons than this is a new start, not that many misses.
-const MISSES_MAX: u64 = 200;
+const MISSES_MAX: u32 = 200;
 
 /// A beacon that came in.
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
@@ -50,7 +51,7 @@ pub enum In {
     /// A beacon came in.
     Heard(Heard),
     /// Where the vehicle is.
-    State(State),
+    State(OwnState),
     /// How far the mission is.
     Progress(Progress),
     /// For which run to measure; `None` = not at all.
@@ -71,12 +72,10 @@ pub enum Out {
 /// What a beacon tells of its sender, whatever it was measured for.
 #[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
 pub struct Sighting {
-    /// Start of its software.
-    pub boot: Boot,
-    /// Where it believes to be.
-    pub pose: PoseReport,
-    /// How far it is with its plan; also tells who it is.
-    pub progress: Progress,
+    /// Where it believes to be; `None` = it does not know.
+    pub pose: Option<PoseReport>,
+    /// How far it is with its plan; also tells who it is, and the start of its software.
+    pub progress: VehicleProgress,
 }
 
 /// The radio actor.
@@ -84,12 +83,15 @@ pub struct Sighting {
 pub struct Radio {
     settings: Settings,
     place: Place,
+    /// Whether the vehicle was at rest, and whether its motors had current, when it was heard of last.
+    is_at_rest: bool,
+    is_armed: bool,
     progress: Progress,
     measures: Option<RunId>,
     /// When each member was last heard, or heard of.
     members: BTreeMap<VehicleId, Time>,
     heard: BTreeMap<VehicleId, Last>,
-    sequence: u64,
+    sequence: u32,
     /// When somebody last listed this vehicle among those heard.
     listed_at: Option<Time>,
     draws: u64,
@@ -101,10 +103,11 @@ pub struct Radio {
 #[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 struct Last {
     boot: Boot,
-    sequence: u64,
+    sequence: u32,
     /// When it was heard.
     at: Time,
-    pose: PoseReport,
+    /// Where it believed to be, if it knew.
+    pose: Option<PoseReport>,
     /// Where the receiver was then, if it knew.
     receiver: Option<Pose>,
 }
@@ -113,11 +116,12 @@ impl Radio {
     /// Makes the actor; it speaks for the first time after its own share of the first round.
     pub fn new(settings: Settings) -> Radio {
         let slot_at = Time::ZERO + settings.radio.slot * (1 + u32::from(settings.vehicle.0));
-        let progress = Progress { vehicle: settings.vehicle, ..Progress::default() };
         Radio {
             place: Place::unknown(settings.safety.pose_sd_max_m),
             settings,
-            progress,
+            is_at_rest: false,
+            is_armed: false,
+            progress: Progress::default(),
             measures: None,
             members: BTreeMap::new(),
             heard: BTreeMap::new(),
@@ -146,8 +150,8 @@ impl Radio {
         if beacon.members.contains(&own) {
             self.listed_at = Some(now);
         }
-        let progress = Progress { vehicle: beacon.sender, ..beacon.progress };
-        out.push(Out::Peer(Sighting { boot: beacon.boot, pose: beacon.pose, progress }));
+        let progress = VehicleProgress::of(beacon.sender, beacon.boot, beacon.progress);
+        out.push(Out::Peer(Sighting { pose: beacon.pose, progress }));
         self.sample(now, &beacon, heard.rssi_dbm, out);
         let (boot, sequence, pose) = (beacon.boot, beacon.sequence, beacon.pose);
         let last = Last { boot, sequence, at: now, pose, receiver: self.place.pose(now) };
@@ -155,10 +159,15 @@ impl Radio {
         self.slot_at = now + self.wait_after(now, beacon.sender);
     }
 
-    /// Gives whose own beacons were heard lately, ascending.
+    /// Returns whose own beacons were heard lately, ascending; of more than a beacon names, those heard last.
     fn heard_lately(&self, now: Time) -> Vec<VehicleId> {
         let lately = self.heard.iter().filter(|(_, last)| now.since(last.at) <= MEMBER_FOR);
-        lately.map(|(id, _)| *id).collect()
+        let mut lately: Vec<(Time, VehicleId)> = lately.map(|(id, last)| (last.at, *id)).collect();
+        lately.sort_unstable_by(|a, b| b.cmp(a));
+        lately.truncate(BEACON_MEMBERS_MAX);
+        let mut members: Vec<VehicleId> = lately.into_iter().map(|(_, id)| id).collect();
+        members.sort_unstable();
+        members
     }
 
     /// Gives how long to wait after a member has spoken: its distance in the ring, in slots.
@@ -212,23 +221,24 @@ impl Radio {
         if beacon.progress.run != run {
             return; // the two are not of one run: nobody would know what was measured
         }
+        let Some(transmitter_pose) = beacon.pose else { return }; // and here not from where
         let missed = self.misses(beacon);
         let last = self.heard.get(&beacon.sender);
-        let last_pose = last.map_or(beacon.pose, |last| last.pose);
+        let last_pose = last.and_then(|last| last.pose).unwrap_or(transmitter_pose);
         let last_receiver = last.and_then(|last| last.receiver).unwrap_or(receiver_pose);
         for share in 1..=missed {
-            let along = share as f64 / (missed + 1) as f64;
-            let transmitter_pose = between(last_pose.into(), beacon.pose.into(), along).into();
+            let along = f64::from(share) / f64::from(missed + 1);
+            let transmitter_then = between(last_pose.into(), transmitter_pose.into(), along).into();
             let receiver_then = between(last_receiver, receiver_pose, along);
-            self.say(now, run, beacon, transmitter_pose, receiver_then, None, out);
+            self.say(now, run, beacon, transmitter_then, receiver_then, None, out);
         }
-        if beacon.pose.sd_m <= self.settings.safety.pose_sd_max_m {
-            self.say(now, run, beacon, beacon.pose, receiver_pose, Some(rssi_dbm), out);
+        if Pose::from(transmitter_pose).sd_m <= self.settings.safety.pose_sd_max_m {
+            self.say(now, run, beacon, transmitter_pose, receiver_pose, Some(rssi_dbm), out);
         }
     }
 
     /// Gives how many beacons of the sender were missed since the last one heard.
-    fn misses(&self, beacon: &Beacon) -> u64 {
+    fn misses(&self, beacon: &Beacon) -> u32 {
         let Some(last) = self.heard.get(&beacon.sender) else { return 0 };
         let gap = beacon.sequence.saturating_sub(last.sequence).saturating_sub(1);
         if last.boot == beacon.boot && gap <= MISSES_MAX { gap } else { 0 }
@@ -272,7 +282,10 @@ impl Actor for Radio {
     fn handle(&mut self, now: Time, input: In, out: &mut Vec<Out>) -> Result<(), Fault> {
         match input {
             In::Heard(heard) => self.heard(now, heard, out),
-            In::State(state) => self.place.take(now, &state),
+            In::State(state) => {
+                self.place.take(now, &state);
+                (self.is_at_rest, self.is_armed) = (state.is_at_rest, state.is_armed);
+            }
             In::Progress(progress) => self.progress = progress,
             In::Measure(run) => self.measures = run,
         }
@@ -289,16 +302,21 @@ impl Actor for Radio {
         let silence = self.settings.radio.slot * (ring + 1);
         self.slot_at = now + silence - self.jitter();
         let Some(pose) = self.place.pose(now) else { return Ok(()) };
-        self.sequence += 1;
+        self.sequence = self.sequence.saturating_add(1);
         out.push(Out::Transmit(Beacon {
             sender: self.settings.vehicle,
             boot: self.settings.boot,
             sequence: self.sequence,
-            pose: pose.into(),
+            pose: Some(pose.into()),
             channel: self.settings.radio.channel,
             power_dbm: self.settings.radio.power_dbm,
+            is_at_rest: self.is_at_rest,
+            is_armed: self.is_armed,
+            is_airborne: false,
             members: self.heard_lately(now),
             progress: self.progress,
+            stop: None,
+            tag: None,
         }));
         Ok(())
     }

@@ -17,10 +17,9 @@
 use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
-use tomoswarm_proto::State;
 
-use super::LookSettings;
 use super::place::Place;
+use super::{LookSettings, OwnState};
 use crate::actor::{Actor, Class, Fault, Input};
 use crate::geom::{Angle, Pose};
 use crate::plan::Pointing;
@@ -64,7 +63,7 @@ pub enum In {
     /// An answer of the range driver.
     Echo(Echo),
     /// Where the vehicle is.
-    State(State),
+    State(OwnState),
 }
 
 /// What the sensor actor can say.

@@ -59,7 +59,7 @@ impl Air {
     /// frame: then it is not sent, and its sequence shows as a miss.
     pub fn begin(&mut self, now: Time, from: usize, place: Point, beacon: Beacon) -> Option<(u64, Time)> {
         let (channel, power_dbm) = (beacon.channel, beacon.power_dbm);
-        let key = [u64::from(beacon.sender.0), u64::from(beacon.boot.0), beacon.sequence];
+        let key = [u64::from(beacon.sender.0), u64::from(beacon.boot.0), beacon.sequence.into()];
         let frame = codec::encode(&Message::Beacon(beacon)).ok()?.into();
         self.count += 1;
         let sent = Sent { from, place, channel, power_dbm, key, frame };

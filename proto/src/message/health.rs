@@ -196,13 +196,13 @@ pub struct Health {
     pub frames_unknown: u64,
     /// Room left where it keeps its data, MB; `None` = not known.
     pub disk_free_mb: Option<u32>,
-    /// Its recording; `None` = it keeps none.
+    /// Its recording; `None` = it keeps none, or does not say.
     pub recording: Option<RecordingHealth>,
     /// Its autopilot; `None` = it was never heard.
     pub autopilot: Option<AutopilotHealth>,
-    /// Its radio; `None` = it has none.
+    /// Its radio; `None` = it has none, or does not say.
     pub radio: Option<RadioHealth>,
-    /// Its range sensors; `None` = it has none.
+    /// Its range sensors; `None` = it has none, or does not say.
     pub range: Option<RangeHealth>,
     /// The supply of its computer.
     pub power: Power,

@@ -23,6 +23,31 @@ pub enum OrderKind {
     Emergency,
 }
 
+impl OrderKind {
+    /// Returns how much it stops: of two orders of one right the stronger one counts. The order of the variants is that
+    /// of the wire and says nothing about it.
+    pub fn strength(self) -> u8 {
+        match self {
+            OrderKind::Start => 0,
+            OrderKind::Hold => 1,
+            OrderKind::Return => 2,
+            OrderKind::Land => 3,
+            OrderKind::Emergency => 4,
+            OrderKind::CutMotors => 5,
+        }
+    }
+
+    /// Returns whether it makes a vehicle stop at once, whatever else holds.
+    pub fn is_emergency(self) -> bool {
+        self.strength() >= OrderKind::Emergency.strength()
+    }
+
+    /// Returns the stronger of two.
+    pub fn stronger(self, other: OrderKind) -> OrderKind {
+        if other.strength() > self.strength() { other } else { self }
+    }
+}
+
 /// An order, repeated until its effect shows in State.
 #[derive(Clone, PartialEq, Eq, Debug, Serialize, Deserialize)]
 pub struct Order {

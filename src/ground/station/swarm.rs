@@ -5,8 +5,8 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::time::Duration;
 
 use tomoswarm_proto::{
-    Boot, Have, Mode, Order, OrderKind, Ordered, Plan, PoseReport, Position, Progress, Report, Revision,
-    RunId, Sample, Samples, State, StationPhase, VehicleId,
+    Boot, Have, Mode, Order, OrderKind, Ordered, Plan, PoseReport, Position, Report, Revision, RunId, Sample,
+    Samples, State, StationPhase, VehicleId,
 };
 
 use super::super::imager::Job;
@@ -64,8 +64,8 @@ impl Rover {
         }
     }
 
-    fn progress(&self) -> Progress {
-        Progress { boot: self.boot, ..self.follower.progress() }
+    fn progress(&self) -> VehicleProgress {
+        VehicleProgress { boot: self.boot, ..self.follower.progress() }
     }
 
     /// Drives to the next stop; one at which somebody else stands is given up, as a vehicle does that finds no way.
@@ -276,7 +276,7 @@ impl Swarm {
     fn second(&mut self, carried: usize) {
         (self.now_s, self.up_s) = (self.now_s + 1, self.up_s + 1);
         let now = Time::ZERO + Duration::from_secs(self.now_s);
-        let heard: Vec<Progress> =
+        let heard: Vec<VehicleProgress> =
             self.rovers.iter().filter(|rover| !rover.is_dead).map(Rover::progress).collect();
         for index in 0..self.rovers.len() {
             let others = self.rovers.iter().enumerate().filter(|(other, _)| *other != index);

@@ -21,7 +21,7 @@ use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
-use tomoswarm_proto::{Mode, State, TileAddress, TileReport, VehicleId};
+use tomoswarm_proto::{Mode, TileAddress, TileReport, VehicleId};
 
 use super::look::{Look, Next};
 use super::pilot::{Met, Pilot};
@@ -29,7 +29,7 @@ use super::{Out, Remark};
 use crate::geom::{Cell, Point, Pose, Vector};
 use crate::node::peers::Peers;
 use crate::node::vehicle::Command;
-use crate::node::{Settings, Task};
+use crate::node::{OwnState, Settings, Task};
 use crate::plan::{Frontiers, NoRoute};
 use crate::time::{Deadline, Time};
 
@@ -130,7 +130,7 @@ pub struct Scene<'a> {
     /// Now.
     pub now: Time,
     /// The own state.
-    pub state: &'a State,
+    pub state: &'a OwnState,
     /// Who drives, and what is known of the world.
     pub pilot: &'a mut Pilot,
     /// The others.

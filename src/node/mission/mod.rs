@@ -21,6 +21,7 @@ mod autonomy;
 mod errand;
 mod look;
 mod pilot;
+mod report;
 mod returning;
 mod skipping;
 mod way;
@@ -30,19 +31,21 @@ use std::collections::BTreeSet;
 use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
-use tomoswarm_proto::{Lease, Order, OrderKind, Plan, Progress, Revision, RunId, State, StopId, VehicleId};
+use tomoswarm_proto::{
+    Lease, Order, OrderKind, Plan, Revision, RunId, SeenState, StandReason, StopId, VehicleId,
+};
 
 use self::autonomy::Links;
 use self::errand::{Errand, Scene};
 use self::pilot::{Met, Pilot};
 use self::returning::Line;
-use super::Settings;
 use super::ages::Ages;
 use super::peers::{Peer, Peers};
 use super::vehicle::{self, Command};
+use super::{OwnState, Settings};
 use crate::actor::{Actor, Fault};
 use crate::geom::Point;
-use crate::sweep::{Follower, Verdict, WaitsFor};
+use crate::sweep::{Follower, VehicleProgress, Verdict, WaitsFor};
 use crate::time::{Deadline, Time};
 
 pub use autonomy::Cause;
@@ -79,7 +82,7 @@ enum Wanted {
 #[derive(Debug, Serialize, Deserialize)]
 pub struct Mission {
     settings: Settings,
-    state: Option<State>,
+    state: Option<OwnState>,
     follower: Option<Follower>,
     pilot: Pilot,
     /// What it does when the ground station does not plan for it.
@@ -97,8 +100,8 @@ pub struct Mission {
     ages: Ages,
     /// The highest right by which it was ordered or planned for.
     lease: Lease,
-    said_holds: bool,
-    said: Progress,
+    said_holds: Option<StandReason>,
+    said: VehicleProgress,
     said_measure: Option<RunId>,
     finished: bool,
     /// The plan last not taken, since it is old or leads out of the fence.
@@ -111,7 +114,8 @@ pub struct Mission {
 impl Mission {
     /// Makes the actor of a vehicle that waits for plans and a start.
     pub fn new(settings: Settings) -> Mission {
-        let said = Progress { vehicle: settings.vehicle, boot: settings.boot, ..Progress::default() };
+        let said =
+            VehicleProgress { vehicle: settings.vehicle, boot: settings.boot, ..VehicleProgress::default() };
         let repeat_at = Time::ZERO + REPEAT_EVERY + Duration::from_millis(53) * u32::from(settings.vehicle.0);
         Mission {
             pilot: Pilot::new(settings.clone()),
@@ -129,7 +133,7 @@ impl Mission {
             silent: BTreeSet::new(),
             ages: Ages::default(),
             lease: Lease::default(),
-            said_holds: false,
+            said_holds: None,
             said,
             said_measure: None,
             finished: false,
@@ -144,8 +148,8 @@ impl Mission {
         self.follower.as_ref().and_then(Follower::waits_for)
     }
 
-    fn state(&mut self, now: Time, state: State, out: &mut Vec<Out>) {
-        let place = Point::from(state.pose.at);
+    fn state(&mut self, now: Time, state: OwnState, out: &mut Vec<Out>) {
+        let place = state.pose.at;
         if self.follower.is_none() {
             self.follower = Some(Follower::new(self.settings.vehicle, place, START_TOLERANCE_M));
             self.pilot.begin_at(place);
@@ -242,7 +246,7 @@ impl Mission {
     fn meet(&mut self, now: Time, met: Met, out: &mut Vec<Out>) {
         let remark = match met {
             Met::Stop(stop) => {
-                let place = self.state.as_ref().map(|state| Point::from(state.pose.at)).unwrap_or_default();
+                let place = self.state.as_ref().map(|state| state.pose.at).unwrap_or_default();
                 self.skips = 0;
                 self.done(now, stop, place);
                 Remark::Done(stop)
@@ -267,7 +271,7 @@ impl Mission {
         let at_rest = state.speed_mps == 0.0 && state.leg.is_none();
         if at_rest {
             // A newer revision may be adopted by that; `report` sees it.
-            follower.hold(state.pose.at.into());
+            follower.hold(state.pose.at);
         }
     }
 
@@ -297,8 +301,15 @@ impl Mission {
     /// Tells whether a plan has a lower right than another that was heard, or the own one answers a state that was made
     /// too long ago. (No state was made before the first; only what has heard none answers that.)
     fn is_old(&self, now: Time, plan: &Plan) -> bool {
-        let is_own = plan.vehicle == self.settings.vehicle && plan.seen_state != 0;
-        plan.lease < self.lease || (is_own && !self.ages.is_fresh(now, plan.seen_state))
+        let is_own = plan.vehicle == self.settings.vehicle && plan.seen.is_some();
+        plan.lease < self.lease || (is_own && !self.answers(now, plan))
+    }
+
+    /// Tells whether a plan answers a state that this start of the software made not long ago.
+    fn answers(&self, now: Time, plan: &Plan) -> bool {
+        let is_fresh =
+            |seen: SeenState| seen.boot == self.settings.boot && self.ages.is_fresh(now, seen.sequence);
+        plan.seen.is_some_and(is_fresh)
     }
 
     /// Gives the first place of the own plan that lies outside the fence.
@@ -309,16 +320,16 @@ impl Mission {
     }
 
     /// A new revision is followed: what was left of the old way is given up.
-    fn adopted(&mut self, progress: Progress, out: &mut Vec<Out>) {
+    fn adopted(&mut self, progress: VehicleProgress, out: &mut Vec<Out>) {
         (self.finished, self.is_off_plan) = (false, false);
         if let Some(state) = &self.state {
-            self.pilot.give_up(state.pose.at.into());
+            self.pilot.give_up(state.pose.at);
         }
         out.push(Out::Accepted(progress.run, progress.revision));
         out.push(Out::Remark(Remark::Adopted(progress.run, progress.revision)));
     }
 
-    fn hear(&mut self, now: Time, progress: &Progress, out: &mut Vec<Out>) {
+    fn hear(&mut self, now: Time, progress: &VehicleProgress, out: &mut Vec<Out>) {
         if let Some(follower) = &mut self.follower {
             follower.hear(now, progress);
             self.report(out);
@@ -375,13 +386,13 @@ impl Mission {
     /// Says progress and what is measured for, when they have changed.
     fn report(&mut self, out: &mut Vec<Out>) {
         let Some(follower) = &self.follower else { return };
-        let progress = Progress { boot: self.settings.boot, ..follower.progress() };
+        let progress = VehicleProgress { boot: self.settings.boot, ..follower.progress() };
         if progress != self.said {
             if (progress.run, progress.revision) != (self.said.run, self.said.revision) {
                 self.adopted(progress, out);
             }
             self.said = progress;
-            out.push(Out::Progress(progress));
+            out.push(Out::Progress(self.on_wire()));
         }
         let following = self.wanted == Wanted::Following;
         let finished = self.follower.as_ref().is_some_and(Follower::finished);
@@ -394,8 +405,8 @@ impl Mission {
             self.said_measure = measure;
             out.push(Out::Measure(measure));
         }
-        if self.holds() != self.said_holds {
-            self.said_holds = self.holds();
+        if self.holds_for() != self.said_holds {
+            self.said_holds = self.holds_for();
             out.push(Out::Holds(self.said_holds));
         }
     }
@@ -458,7 +469,7 @@ impl Actor for Mission {
     fn wake(&mut self, now: Time, out: &mut Vec<Out>) -> Result<(), Fault> {
         if self.repeat_at <= now {
             self.repeat_at = now + REPEAT_EVERY;
-            out.push(Out::Progress(self.said));
+            out.push(Out::Progress(self.on_wire()));
         }
         self.go_on(now, out);
         Ok(())

@@ -16,10 +16,10 @@ use std::collections::VecDeque;
 use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
-use tomoswarm_proto::{Mode, State, StopId, TileReport};
+use tomoswarm_proto::{Mode, StopId, TileReport};
 
-use super::super::Settings;
 use super::super::vehicle::{Bump, Command};
+use super::super::{OwnState, Settings};
 use super::look::{Look, Next};
 use super::way::Way;
 use crate::geom::{Angle, Point, Pose, Rect, Segment};
@@ -263,7 +263,7 @@ impl Pilot {
     }
 
     /// Begins the way home.
-    pub fn go_home(&mut self, now: Time, state: &State, unknown: Unknown) {
+    pub fn go_home(&mut self, now: Time, state: &OwnState, unknown: Unknown) {
         let pose = Pose::from(state.pose);
         self.give_up(pose.at);
         self.way.append([], self.settings.home, None);
@@ -272,7 +272,7 @@ impl Pilot {
     }
 
     /// Tells how the way home looks.
-    pub fn way_home(&self, now: Time, state: &State) -> WayHome {
+    pub fn way_home(&self, now: Time, state: &OwnState) -> WayHome {
         let (pose, home) = (Pose::from(state.pose), self.settings.home);
         let is_open = |peers| {
             self.path(now, pose, home, false, peers).is_some()
@@ -310,7 +310,7 @@ impl Pilot {
     }
 
     /// Goes on with what the vehicle says of itself; gives a command, if one is due.
-    pub fn advance(&mut self, now: Time, state: &State, met: &mut Vec<Met>) -> Option<Command> {
+    pub fn advance(&mut self, now: Time, state: &OwnState, met: &mut Vec<Met>) -> Option<Command> {
         let pose = Pose::from(state.pose);
         let resting = !matches!(state.mode, Mode::Driving | Mode::Turning);
         self.remember(pose.at);

@@ -33,7 +33,8 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::time::Duration;
 
 use tomoswarm_proto::{
-    Lease, Order, OrderKind, Ordered, Report, Revision, RunId, Sender, State, StationPhase, VehicleId,
+    Lease, Order, OrderKind, Ordered, Report, Revision, RunId, SeenState, Sender, State, StationPhase,
+    VehicleId,
 };
 
 use super::super::bus::Heard;
@@ -260,7 +261,7 @@ impl Ordering {
     }
 
     fn is_emergency(&self) -> bool {
-        self.wish.kind >= OrderKind::Emergency
+        self.wish.kind.is_emergency()
     }
 
     /// Compares what a vehicle says it was ordered with what was sent to it.
@@ -285,7 +286,7 @@ impl Ordering {
         let is_same_lease = echo.lease == issued.lease;
         if theirs == kind {
             dealing.obeyed = Some((now, false));
-        } else if kind > theirs
+        } else if kind.strength() > theirs.strength()
             && (is_emergency || issued.is_blind || is_same_lease && dealing.insisted < INSIST)
         {
             dealing.insisted += 1;
@@ -304,7 +305,7 @@ impl Ordering {
         let Some(dealing) = self.dealings.get_mut(&id) else { return };
         let Some((since, echo)) = dealing.contested.filter(|_| !dealing.is_over()) else { return };
         let brings_about = |report: &Fresh<Report>| {
-            report.at >= since && report.said.standing.is_none() && report.said.phase != StationPhase::Idle
+            report.at >= since && report.said.in_force.is_none() && report.said.phase != StationPhase::Idle
         };
         if report.is_some_and(brings_about) {
             dealing.obeyed = Some((since, true));
@@ -330,8 +331,9 @@ impl Ordering {
         dealing.sent_at = Some(now);
         dealing.first_at.get_or_insert(now);
         let Issued { lease, revision, .. } = issued;
-        let seen_state = self.roll.state(id).map_or(0, |state| state.said.sequence);
-        Some(Order { vehicle: id, lease, run, revision, seen_state, kind: self.wish.kind })
+        let state = self.roll.state(id).map(|state| &state.said);
+        let seen = state.map(|state| SeenState { boot: state.boot, sequence: state.sequence });
+        Some(Order { vehicle: id, lease, run, revision, seen, kind: self.wish.kind, ends: Vec::new() })
     }
 
     /// Chooses the lease and the revision that are above a vehicle's echo; `None` while nothing may be sent yet.

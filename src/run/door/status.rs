@@ -4,10 +4,13 @@ use std::collections::BTreeSet;
 
 use serde_json::{Value, json};
 use tomoswarm_proto::codec::VERSION;
-use tomoswarm_proto::{Mode, OrderKind, Ordered, Report, State, StationPhase, VehicleId};
+use tomoswarm_proto::{
+    Mode, OrderKind, Ordered, PoseReport, Progress, Report, State, StationPhase, StopId, VehicleId,
+};
 
 use super::roll::{Fresh, Roll, Seen};
 use super::table::{listed, table};
+use crate::geom::Vector;
 use crate::time::Time;
 
 /// Who must be heard for the picture to be whole.
@@ -98,21 +101,18 @@ fn row(id: VehicleId, seen: &Seen, now: Time) -> Vec<String> {
     };
     let said = &state.said;
     let dash = || "-".to_owned();
-    let of_progress = |stop: fn(&tomoswarm_proto::Progress) -> Option<tomoswarm_proto::StopId>| {
-        seen.progress
-            .as_ref()
-            .and_then(|progress| stop(&progress.said))
-            .map_or_else(dash, |stop| stop.to_string())
+    let of_progress = |stop: fn(&Progress) -> Option<StopId>| {
+        let stop = seen.mission.as_ref().and_then(|mission| stop(&mission.said.progress));
+        stop.map_or_else(dash, |stop| stop.to_string())
     };
     let health = seen.health.as_ref().map(|health| &health.said);
-    let pose = said.pose;
     vec![
         id.to_string(),
         said.boot.0.to_string(),
         mode(said.mode).to_owned(),
-        format!("{:.2},{:.2} ± {:.2}", pose.at.x_m, pose.at.y_m, pose.sd_m),
-        format!("{:.2}", said.speed_mps),
-        format!("{:.0} %", said.battery * 100.0),
+        said.pose.map_or_else(dash, place),
+        format!("{:.2}", Vector::from(said.velocity).length_m()),
+        said.battery.map_or_else(dash, |battery| format!("{:.0} %", battery.fraction() * 100.0)),
         format!("{}/{}", said.accepted.0, said.accepted.1),
         of_progress(|progress| progress.done),
         of_progress(|progress| progress.leg),
@@ -124,13 +124,19 @@ fn row(id: VehicleId, seen: &Seen, now: Time) -> Vec<String> {
     ]
 }
 
+/// Returns a place with its deviation, as far as that is known.
+fn place(pose: PoseReport) -> String {
+    let sd = pose.sd.metres().map_or_else(|| "?".to_owned(), |sd_m| format!("{sd_m:.2}"));
+    format!("{:.2},{:.2} ± {sd}", pose.at.x_m(), pose.at.y_m())
+}
+
 fn ground_lines(report: &Fresh<Report>, now: Time) -> String {
     let Report { phase: at, run, laps_done, laps, samples, lease, .. } = &report.said;
     let held = match lease.number {
         0 => "no lease".to_owned(),
         number => format!("lease {number} ({:016x})", lease.holder),
     };
-    let standing = report.said.standing.map_or("nothing", kind_name);
+    let standing = report.said.in_force.map_or("nothing", kind_name);
     format!(
         "ground  {}: run {run}, lap {laps_done} of {laps}, {samples} samples, {held}, lost: {}, stands: {standing}, \
          troubles: {} ({:.1} s ago)\n",
@@ -150,7 +156,7 @@ pub fn json(roll: &Roll, expected: &Expected, now: Time) -> Value {
             "vehicle": id,
             "age_s": seen.state.as_ref().map(|state| state.age(now).as_secs_f64()),
             "state": seen.state.as_ref().map(|state: &Fresh<State>| &state.said),
-            "progress": seen.progress.as_ref().map(|progress| &progress.said),
+            "mission": seen.mission.as_ref().map(|mission| &mission.said),
             "health": seen.health.as_ref().map(|health| &health.said),
             "hello": seen.hello.as_ref().map(|hello| &hello.said),
         })
@@ -197,6 +203,10 @@ pub fn mode(mode: Mode) -> &'static str {
         Mode::Turning => "turning",
         Mode::Halted => "halted",
         Mode::Held => "held",
+        Mode::TakingOff => "taking off",
+        Mode::Climbing => "climbing",
+        Mode::Landing => "landing",
+        Mode::Stopped => "STOPPED",
         Mode::Emergency => "EMERGENCY",
     }
 }

@@ -417,10 +417,10 @@ impl Director {
 }
 
 fn is_at_home(state: &State, home: Point) -> bool {
-    let at = Point::from(state.pose.at);
+    let is_there = state.pose.is_some_and(|pose| Point::from(pose.at).distance_to(home) <= HOME_M);
     let is_returning = state.ordered.kind == Some(OrderKind::Return);
     let rests = state.leg.is_none() && matches!(state.mode, Mode::Idle | Mode::Held);
-    is_returning && rests && at.distance_to(home) <= HOME_M
+    is_returning && rests && is_there
 }
 
 fn mode_name(mode: Mode) -> &'static str {
@@ -430,6 +430,10 @@ fn mode_name(mode: Mode) -> &'static str {
         Mode::Turning => "turning",
         Mode::Halted => "halted",
         Mode::Held => "held",
+        Mode::TakingOff => "taking off",
+        Mode::Climbing => "climbing",
+        Mode::Landing => "landing",
+        Mode::Stopped => "stopped",
         Mode::Emergency => "emergency",
     }
 }

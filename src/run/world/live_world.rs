@@ -6,7 +6,8 @@
 
 use std::time::Duration;
 
-use tomoswarm_proto::{Beacon, Boot, Message, VehicleId, codec};
+use tomoswarm_proto::codec::{self, Decoded};
+use tomoswarm_proto::{Beacon, Boot, Message, VehicleId};
 
 use crate::geom::{Angle, Point};
 use crate::node::sensor::Ping;
@@ -220,7 +221,7 @@ impl LiveWorld {
             ToWorld::Steer(beam) => self.steer(index, beam),
             ToWorld::Ping(ping) => self.ping(index, ping),
             ToWorld::Transmit(frame) => match codec::decode(&frame) {
-                Ok(Message::Beacon(beacon)) => self.transmit(index, beacon),
+                Ok(Decoded::Message(Message::Beacon(beacon))) => self.transmit(index, beacon),
                 Ok(_) | Err(_) => self.status.dropped += 1,
             },
             ToWorld::Join { .. }
