@@ -12,6 +12,7 @@ use std::sync::mpsc::{Receiver, Sender as Channel, channel};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
+use tomoswarm::actor::RestartPolicy;
 use tomoswarm::config::{self, bundled};
 use tomoswarm::geom::{Angle, Cell, Lattice, Pose};
 use tomoswarm::map::CellRect;
@@ -22,7 +23,7 @@ use tomoswarm::node::vehicle::{self, Command, Fly, Motion, Telemetry, Vehicle};
 use tomoswarm::plan::{Grid, Rules, shortest_cells};
 use tomoswarm::run::bus::{Bus, BusSettings, Heard, Topology};
 use tomoswarm::run::clock::Clock;
-use tomoswarm::run::desk::{Desk, Ending, Office, Post, Troubles, seat};
+use tomoswarm::run::mailbox::{Ending, Mailbox, RuntimeContext, Troubles, start_actor};
 use tomoswarm_proto::{Boot, LayerId, Message, Sender, TileAddress, TileReport, VehicleId, codec};
 use zenoh::Wait;
 
@@ -59,9 +60,9 @@ fn bus(id: u8, listen: &str, connect: &[String], hear: impl Fn(Heard) + Send + S
     bus
 }
 
-fn office() -> (Office, Receiver<Ending>) {
+fn context() -> (RuntimeContext, Receiver<Ending>) {
     let (endings, ended) = channel();
-    (Office { clock: Clock::start(), troubles: Troubles::default(), endings }, ended)
+    (RuntimeContext { clock: Clock::start(), troubles: Troubles::default(), endings }, ended)
 }
 
 fn sender<T: Send>(channel: Channel<T>) -> impl Fn(T) + Send + Sync {
@@ -105,16 +106,17 @@ fn bare(endpoint: &str, is_listening: bool) -> zenoh::Session {
 fn tile_latency() {
     let (here, there) = (free_endpoint(), free_endpoint());
     let (joined, by_map) = channel();
-    let (office, _ended) = office();
-    let desk: Desk<map::In> = Desk::shared("map");
+    let (context, _ended) = context();
+    let mailbox: Mailbox<map::In> = Mailbox::shared("map");
     let settings = settings(2);
     let say = move |out| {
         if let map::Out::Tiles(_) = out {
             joined.send(Instant::now()).unwrap_or_default();
         }
     };
-    seat(&office, &desk, Post::Vital, None, move || Ok(Map::new(settings.clone())), say).unwrap();
-    let to_map = desk.clone();
+    start_actor(&context, &mailbox, RestartPolicy::StopNode, None, move || Map::new(settings.clone()), say)
+        .unwrap();
+    let to_map = mailbox.clone();
     let _two = bus(2, &here, &[], move |heard| {
         if let Heard::Message(_, Message::Tile(report)) = heard {
             to_map.tell(map::In::Tile(report));
@@ -144,7 +146,7 @@ fn tile_latency() {
         std::thread::sleep(PAUSE);
     }
     drop(subscriber);
-    desk.close();
+    mailbox.close();
     println!("tile of {} bytes, {} and {} of {ROUNDS} arrived", frame.len(), ours.len(), plain.len());
     let (ours, plain) = (quantiles(ours), quantiles(plain));
     print_row("handed to the bus -> joined", ours);
@@ -162,9 +164,9 @@ const HALTS: u32 = 400;
 const SIDE: i32 = 1000;
 
 fn halt_latency() {
-    let (office, _ended) = office();
+    let (context, _ended) = context();
     let settings = settings(1);
-    let desk: Desk<vehicle::In> = Desk::new("vehicle");
+    let mailbox: Mailbox<vehicle::In> = Mailbox::new("vehicle");
     let (stopped, by_driver) = channel();
     let say = move |out| {
         if let vehicle::Out::Fly(Fly::Stop) = out {
@@ -173,9 +175,10 @@ fn halt_latency() {
     };
     let home = settings.home;
     let made = settings.clone();
-    seat(&office, &desk, Post::Vital, None, move || Ok(Vehicle::new(made.clone())), say).unwrap();
+    start_actor(&context, &mailbox, RestartPolicy::StopNode, None, move || Vehicle::new(made.clone()), say)
+        .unwrap();
     let is_over = Arc::new(AtomicBool::new(false));
-    let busy = keep_busy(&office, &settings, &is_over);
+    let busy = keep_busy(&context, &settings, &is_over);
     let pose = Pose { at: home, heading: Angle::default(), sd_m: 0.05 };
     let mut spans = Vec::new();
     for round in 0..HALTS {
@@ -183,16 +186,16 @@ fn halt_latency() {
             vehicle::In::Telemetry(Telemetry { pose, speed_mps, battery: 1.0, motion, is_armed: true })
         };
         // A turn ends the halt of the round before; then it drives again, and something stands 0.4 m ahead.
-        desk.tell(telemetry(0.0, Motion::Resting));
-        desk.tell(vehicle::In::Command(
-            office.clock.now(),
+        mailbox.tell(telemetry(0.0, Motion::Resting));
+        mailbox.tell(vehicle::In::Command(
+            context.clock.now(),
             Command::Turn(Angle::from_degrees(f64::from(round))),
         ));
-        desk.tell(telemetry(0.5, Motion::Driving));
+        mailbox.tell(telemetry(0.5, Motion::Driving));
         std::thread::sleep(Duration::from_millis(20));
         let scan = Scan { pose, beam: Angle::default(), range_m: Some(0.4), suspect: false };
         let began = Instant::now();
-        desk.tell(vehicle::In::Scan(scan));
+        mailbox.tell(vehicle::In::Scan(scan));
         spans.extend(by_driver.recv_timeout(Duration::from_secs(2)).ok().map(|at| at - began));
     }
     is_over.store(true, Ordering::Relaxed);
@@ -200,7 +203,7 @@ fn halt_latency() {
         .into_iter()
         .map(|thread| thread.join().unwrap())
         .fold((0, 0), |sum, one| (sum.0 + one.0, sum.1 + one.1));
-    desk.close();
+    mailbox.close();
     println!(
         "halt: {} of {HALTS}; meanwhile {searches} searches over {SIDE} x {SIDE} cells, {merged} tiles merged",
         spans.len()
@@ -213,7 +216,7 @@ fn halt_latency() {
 /// Two threads that never rest, as the mission's and the map's would: searches for a path, and merging of tiles. Each
 /// gives how many searches and tiles it did.
 fn keep_busy(
-    office: &Office,
+    context: &RuntimeContext,
     settings: &Settings,
     is_over: &Arc<AtomicBool>,
 ) -> Vec<std::thread::JoinHandle<(u64, u64)>> {
@@ -230,9 +233,10 @@ fn keep_busy(
         }
         (searches, 0)
     };
-    let desk: Desk<map::In> = Desk::shared("map");
+    let mailbox: Mailbox<map::In> = Mailbox::shared("map");
     let own = settings.clone();
-    seat(office, &desk, Post::Vital, None, move || Ok(Map::new(own.clone())), |_| {}).unwrap();
+    start_actor(context, &mailbox, RestartPolicy::StopNode, None, move || Map::new(own.clone()), |_| {})
+        .unwrap();
     let over = is_over.clone();
     let merge = move || {
         let mut merged = 0;
@@ -242,13 +246,13 @@ fn keep_busy(
             let address = TileAddress { slice: 0, x: place % 32, y: place / 32 };
             let Message::Tile(report) = tile(round as u32 + 1) else { unreachable!("a tile is a tile") };
             let layer = LayerId { vehicle: VehicleId(2), boot: Boot(1) };
-            desk.tell(map::In::Tile(TileReport { layer, address, ..report }));
+            mailbox.tell(map::In::Tile(TileReport { layer, address, ..report }));
             merged += 1;
             if merged % 64 == 0 {
                 std::thread::sleep(Duration::from_micros(200));
             }
         }
-        desk.close();
+        mailbox.close();
         (0, merged)
     };
     vec![std::thread::spawn(search), std::thread::spawn(merge)]

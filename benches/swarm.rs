@@ -23,6 +23,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
 use relay::Relay;
+use tomoswarm::actor::RestartPolicy;
 use tomoswarm::config::{self, bundled};
 use tomoswarm::geom::{Angle, Point, Pose};
 use tomoswarm::node::Settings;
@@ -30,7 +31,7 @@ use tomoswarm::node::map::{self, Map};
 use tomoswarm::node::sensor::Scan;
 use tomoswarm::run::bus::{Bus, BusSettings, Heard, Mouth, Topology};
 use tomoswarm::run::clock::Clock;
-use tomoswarm::run::desk::{Desk, Office, Post, Troubles, seat};
+use tomoswarm::run::mailbox::{Mailbox, RuntimeContext, Troubles, start_actor};
 use tomoswarm_proto::{
     Boot, LayerId, Lease, Message, Order, OrderKind, Revision, RunId, Sender, TileAddress, TileReport,
     VehicleId,
@@ -188,14 +189,14 @@ fn ordered(mouth: &Mouth, vehicle: u8, number: u32, ear: &Receiver<(Revision, In
 
 /// A map actor on the bus, that tells how many of the other's tiles it holds at their newest.
 struct Mapper {
-    desk: Desk<map::In>,
+    mailbox: Mailbox<map::In>,
     _bus: Bus,
     held: Arc<Mutex<BTreeMap<TileAddress, u32>>>,
 }
 
 fn mapper(id: u8, listen: SocketAddr, connect: Vec<SocketAddr>) -> Mapper {
-    let desk: Desk<map::In> = Desk::shared("map");
-    let to_map = desk.clone();
+    let mailbox: Mailbox<map::In> = Mailbox::shared("map");
+    let to_map = mailbox.clone();
     let hear = move |heard| match heard {
         Heard::Message(_, Message::Tile(report)) => to_map.tell(map::In::Tile(report)),
         Heard::Message(_, Message::Digest(digest)) => to_map.tell(map::In::Digest(digest)),
@@ -207,7 +208,7 @@ fn mapper(id: u8, listen: SocketAddr, connect: Vec<SocketAddr>) -> Mapper {
         Join { node, topology: Topology::Mesh, listen: vec![listen], connect, egress_bytes_per_s: 64_000 };
     let bus = bus(join, hear);
     let (endings, _) = channel();
-    let office = Office { clock: Clock::start(), troubles: Troubles::default(), endings };
+    let context = RuntimeContext { clock: Clock::start(), troubles: Troubles::default(), endings };
     let settings = settings(id);
     let (mouth, held) = (bus.mouth(), Arc::new(Mutex::new(BTreeMap::new())));
     let of_map = held.clone();
@@ -219,8 +220,9 @@ fn mapper(id: u8, listen: SocketAddr, connect: Vec<SocketAddr>) -> Mapper {
             held.extend(tiles.into_iter().map(|tile| (tile.address, tile.revision)));
         }
     };
-    seat(&office, &desk, Post::Vital, None, move || Ok(Map::new(settings.clone())), say).unwrap();
-    Mapper { desk, _bus: bus, held }
+    start_actor(&context, &mailbox, RestartPolicy::StopNode, None, move || Map::new(settings.clone()), say)
+        .unwrap();
+    Mapper { mailbox, _bus: bus, held }
 }
 
 /// A vehicle of the bundled simulation.
@@ -244,7 +246,7 @@ fn partition() {
         let at = Point::new(f64::from(number % 10) * 6.4 + 1.0, f64::from(number / 10) * 6.4 + 1.0);
         let heading = Angle::from_degrees(f64::from(number * 37));
         let pose = Pose { at, heading, sd_m: 0.05 };
-        mapper.desk.tell(map::In::Scan(Scan {
+        mapper.mailbox.tell(map::In::Scan(Scan {
             pose,
             beam: Angle::default(),
             range_m: Some(2.0),
@@ -270,8 +272,8 @@ fn partition() {
         "\npartition: 60 s apart, {missing} tiles behind; equal again: {is_equal}, after {:.2} s (wanted <= 3 s)",
         began.elapsed().as_secs_f64()
     );
-    one.desk.close();
-    two.desk.close();
+    one.mailbox.close();
+    two.mailbox.close();
 }
 
 /// Gives how many tiles of one the other does not hold at their newest.

@@ -1,5 +1,5 @@
-//! The actor contract, and the inbox in front of every actor. Nothing here runs an actor: that is
-//! the work of a runtime (`sim` in virtual time, `run` on real time).
+//! The actor contract, the inbox in front of every actor, and how the actors of a node are wired ([`Wiring`]). Nothing
+//! here waits for anything: when actors act is the work of a runtime (`sim` in virtual time, `run` on real time).
 //!
 //! An actor is a state machine: a closed set of inputs, a closed set of outputs, and a deadline. It
 //! performs no I/O, owns no device, starts no task, reads no clock and holds no handle to another actor.
@@ -12,15 +12,25 @@
 //! Contract, kept by every runtime: `out` is drained, then `deadline` is asked again; `now` never goes
 //! back; a due deadline goes before the inbox; after `wake(now)` the deadline is later than `now`.
 
+mod actor_cell;
+mod actor_step;
 mod inbox;
-mod seat;
+mod local_node;
 mod snapshot;
 mod step;
+#[cfg(test)]
+pub(crate) mod tests_support;
+mod wiring;
 
+pub use actor_cell::ActorCell;
+pub use actor_step::ActorStep;
 pub use inbox::{Class, Inbox, Input};
-pub use seat::Seat;
+pub use local_node::{Cells, LocalNode};
 pub use snapshot::Snapshot;
 pub use step::{Cause, NOT_DUE, Step, again};
+pub use wiring::{
+    ActingTime, Fill, Names, NodeActor, Place, Recipient, RestartPolicy, Visitor, Wire, Wired, Wiring,
+};
 
 use crate::time::{Deadline, Time};
 

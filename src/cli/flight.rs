@@ -9,7 +9,7 @@ use crate::config::Sim;
 use crate::geom::Lattice;
 use crate::sim::Entry;
 use crate::sim::bus::NodeId;
-use crate::store::recording::{About, Deed, Flight, Limits, WriteError};
+use crate::store::recording::{About, Flight, Limits, WriteError};
 
 /// A new segment begins after this much virtual time.
 pub(super) const SEGMENT: Duration = Duration::from_secs(300);
@@ -51,13 +51,9 @@ impl Flights {
                 *segment = flight.begin(*now, None)?;
                 snapshots.iter().try_for_each(|snapshot| flight.snapshot(*segment, *now, snapshot))
             }
-            Entry::Vehicle(id, acted) => {
-                let (flight, segment) = self.flight(&name(NodeId::Vehicle(*id)));
-                flight.step(*segment, &Deed::Vehicle(acted.clone()))
-            }
-            Entry::Ground(acted) => {
-                let (flight, segment) = self.flight(&name(NodeId::Ground));
-                flight.step(*segment, &Deed::Ground(acted.clone()))
+            Entry::Step(node, step) => {
+                let (flight, segment) = self.flight(&name(*node));
+                flight.step(*segment, step)
             }
         }
     }

@@ -9,7 +9,7 @@ use super::stop::Stop;
 use super::{logging, read};
 use crate::config::{self, Config, VehicleFile};
 use crate::run::bus::BusError;
-use crate::run::desk::Ending;
+use crate::run::mailbox::Ending;
 use crate::run::process::Finish;
 use crate::run::state_dir::StateDirError;
 use crate::run::trust::TrustError;

@@ -5,7 +5,9 @@ use std::collections::VecDeque;
 use std::time::Duration;
 
 use tomoswarm_proto::codec::{VERSION, encode};
-use tomoswarm_proto::{Boot, Lease, Order, OrderKind, Progress, Revision, RunId, Samples, VehicleId};
+use tomoswarm_proto::{
+    Boot, LayerId, Lease, Order, OrderKind, Progress, Revision, RunId, TileAddress, VehicleId, Want,
+};
 
 use super::table::Subject;
 use super::*;
@@ -22,6 +24,7 @@ struct Node {
     name: Sender,
     exchange: Exchange,
     heard: Vec<Message>,
+    /// Those that say something.
     verdicts: Vec<Verdict>,
 }
 
@@ -121,7 +124,9 @@ impl Swarm {
                 Some(Heard::Greeting(..)) => panic!("a node is told messages only"),
                 None => {}
             }
-            node.verdicts.push(verdict);
+            if verdict != Verdict::Fine {
+                node.verdicts.push(verdict);
+            }
             reply.into_iter().for_each(|outbound| self.put(to, outbound.frame));
         }
     }
@@ -222,8 +227,8 @@ fn a_flood_costs_its_sender_its_share_and_nobody_else_theirs() {
     let (two, three, ground) =
         (swarm.join(TWO, 1, VENUE), swarm.join(THREE, 2, VENUE), swarm.join(Sender::Ground, 3, VENUE));
     swarm.run(seconds(3.0));
-    let batch = Samples { vehicle: VehicleId(3), boot: Boot(1), run: RunId(1), samples: vec![] };
-    let frame = encode(&Message::Samples(batch)).unwrap();
+    let known = (0..1000).map(|x| (TileAddress { slice: 0, x, y: 0 }, 1)).collect();
+    let frame = encode(&Message::Want(Want { layer: LayerId::default(), known })).unwrap();
     // A flooder does not ask its own exchange; all that it may save up is gone after the first of these.
     let many = (SAVED_UP_S * f64::from(BYTES_PER_S) / frame.len() as f64) as usize;
     (0..many + 1000).for_each(|_| swarm.put(three, frame.clone()));

@@ -7,7 +7,7 @@ use tomoswarm_proto::{Boot, Lease, RunId, VehicleId};
 use super::GroundNode;
 use super::imager::{Imager, Subject};
 use super::planner::{Method, Planner};
-use super::station::{Station, StationSettings};
+use super::station::StationSettings;
 use crate::config::{
     GroundFile, Imaging, Planner as PlannerName, Sim, Solver as SolverName, Sweep, Venue, Weights,
 };
@@ -67,8 +67,7 @@ pub fn ground_node(sim: &Sim, ring: Ring, lease: Lease, store: u64) -> Result<Gr
             store,
         },
     };
-    let GroundParts { station, planner, imager } = told.parts(ring)?;
-    Ok(GroundNode::new(Station::new(station), planner, imager))
+    Ok(GroundNode::new(told.parts(ring)?))
 }
 
 /// Gives what the ground station of a node's file is made of; its answers are there as soon as they are found. `boot`

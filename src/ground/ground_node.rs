@@ -2,40 +2,28 @@
 
 use tomoswarm_proto::codec::EncodeError;
 
-use super::Acted;
-use super::imager::Imager;
-use super::planner::Planner;
-use super::route::{Effect, Event, Said, To, route};
+use super::from_config::GroundParts;
+use super::route::{Effect, Event};
 use super::station::Station;
-use crate::actor::{Fault, Seat, Snapshot};
+use super::wiring::{GroundWiring, Source};
+use crate::actor::{ActorStep, Fault, LocalNode, Snapshot};
 use crate::time::{Deadline, Time};
 
 /// The ground station's actors, wired.
 #[derive(Debug)]
 pub struct GroundNode {
-    station: Seat<Station>,
-    planner: Seat<Planner>,
-    imager: Seat<Imager>,
-    routed: Vec<To>,
-    /// What the actors did and nobody has taken yet; `None` while nobody watches.
-    acted: Option<Vec<Acted>>,
+    node: LocalNode<GroundWiring>,
 }
 
 impl GroundNode {
-    /// Wires the actors of a ground station.
-    pub fn new(station: Station, planner: Planner, imager: Imager) -> GroundNode {
-        GroundNode {
-            station: Seat::new(station),
-            planner: Seat::new(planner),
-            imager: Seat::new(imager),
-            routed: Vec::new(),
-            acted: None,
-        }
+    /// Makes the actors of a ground station, and wires them.
+    pub fn new(parts: GroundParts) -> GroundNode {
+        GroundNode { node: LocalNode::new(&mut Source { parts, resumed: None }) }
     }
 
     /// Gives the station, for the outcome of a run.
     pub fn station(&self) -> &Station {
-        self.station.actor()
+        self.node.actors().station.place.actor()
     }
 
     /// Tells the ground station something, and lets its actors act until all is quiet.
@@ -43,8 +31,7 @@ impl GroundNode {
     /// # Errors
     /// An actor cannot go on.
     pub fn tell(&mut self, now: Time, event: Event, effects: &mut Vec<Effect>) -> Result<(), Fault> {
-        route(Said::Edge(event), &mut self.routed);
-        self.settle(now, effects)
+        self.node.tell(now, event, effects)
     }
 
     /// Lets all actors act whose deadline has come, until all is quiet.
@@ -52,71 +39,29 @@ impl GroundNode {
     /// # Errors
     /// An actor cannot go on.
     pub fn wake(&mut self, now: Time, effects: &mut Vec<Effect>) -> Result<(), Fault> {
-        self.act(now)?;
-        self.settle(now, effects)
+        self.node.wake(now, effects)
     }
 
-    /// Gives the earliest deadline of all actors.
-    pub fn deadline(&self) -> Option<Deadline> {
-        [self.station.deadline(), self.planner.deadline(), self.imager.deadline()]
-            .into_iter()
-            .fold(None, Deadline::earlier)
+    /// Returns the earliest deadline of all actors.
+    pub fn deadline(&mut self) -> Option<Deadline> {
+        self.node.deadline()
     }
 
-    /// Begins to keep every step of every actor, for [`GroundNode::acted`].
+    /// Begins to keep every step of every actor, for [`GroundNode::steps`].
     pub fn watch(&mut self) {
-        self.acted.get_or_insert_default();
+        self.node.watch();
     }
 
-    /// Gives what the actors did since the last call, in order; nothing unless it is watched.
-    pub fn acted(&mut self) -> Vec<Acted> {
-        self.acted.as_mut().map(std::mem::take).unwrap_or_default()
+    /// Returns what the actors did since the last call, in order; nothing unless it is watched.
+    pub fn steps(&mut self) -> Vec<ActorStep> {
+        self.node.steps()
     }
 
-    /// Gives every actor as it is now. Nothing may be unread, as it is between two calls.
+    /// Returns every actor as it is now. Nothing may be unread, as it is between two calls.
     ///
     /// # Errors
     /// One cannot be written, which is a mistake of this program.
-    pub fn snapshots(&self) -> Result<Vec<Snapshot>, EncodeError> {
-        [
-            Snapshot::of("station", self.station.actor()),
-            Snapshot::of("planner", self.planner.actor()),
-            Snapshot::of("imager", self.imager.actor()),
-        ]
-        .into_iter()
-        .collect()
+    pub fn snapshots(&mut self) -> Result<Vec<Snapshot>, EncodeError> {
+        self.node.snapshots()
     }
-
-    fn settle(&mut self, now: Time, effects: &mut Vec<Effect>) -> Result<(), Fault> {
-        while !self.routed.is_empty() {
-            for to in std::mem::take(&mut self.routed) {
-                match to {
-                    To::Station(input) => self.station.push(input),
-                    To::Planner(input) => self.planner.push(input),
-                    To::Imager(input) => self.imager.push(input),
-                    To::Edge(effect) => effects.push(effect),
-                }
-            }
-            self.act(now)?;
-        }
-        Ok(())
-    }
-
-    fn act(&mut self, now: Time) -> Result<(), Fault> {
-        let routed = &mut self.routed;
-        self.station.act_watched(now, watcher(&mut self.acted, Acted::Station), |said| {
-            route(Said::Station(said), routed)
-        })?;
-        self.planner.act_watched(now, watcher(&mut self.acted, Acted::Planner), |said| {
-            route(Said::Planner(said), routed)
-        })?;
-        self.imager.act_watched(now, watcher(&mut self.acted, Acted::Imager), |said| {
-            route(Said::Imager(said), routed)
-        })
-    }
-}
-
-/// Puts steps among those kept, if any are.
-fn watcher<S>(acted: &mut Option<Vec<Acted>>, wrap: fn(S) -> Acted) -> Option<impl FnMut(S)> {
-    acted.as_mut().map(|acted| move |step| acted.push(wrap(step)))
 }

@@ -55,7 +55,7 @@ pub struct Picture {
 }
 
 /// The imager actor.
-#[derive(Debug, Serialize, Deserialize)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Imager {
     change: Solver,
     structure: Solver,

@@ -36,38 +36,46 @@ pub enum Effect {
 
 /// Whatever is said inside the ground station or at its edge.
 #[derive(Debug)]
-pub(crate) enum Said {
+pub enum Output {
+    /// From outside.
     Edge(Event),
+    /// By the station.
     Station(station::Out),
+    /// By the planner.
     Planner(planner::Answer),
+    /// By the imager.
     Imager(imager::Picture),
 }
 
 /// Where it goes.
 #[derive(Debug)]
-pub(crate) enum To {
+pub enum Destination {
+    /// To the station.
     Station(station::In),
+    /// To the planner.
     Planner(planner::Request),
+    /// To the imager.
     Imager(imager::Job),
+    /// To the outside.
     Edge(Effect),
 }
 
 /// Says where something goes.
-pub(crate) fn route(said: Said, to: &mut Vec<To>) {
-    let next = match said {
+pub(crate) fn route(output: Output, to: &mut Vec<Destination>) {
+    let next = match output {
         // What the station decides by names its author itself.
-        Said::Edge(Event::Bus(_, message)) => To::Station(station::In::Bus(message)),
-        Said::Edge(Event::Operator(wish)) => To::Station(station::In::Wish(wish)),
-        Said::Station(station::Out::Publish(message)) => To::Edge(Effect::Publish(message)),
-        Said::Station(station::Out::Ask(request)) => To::Planner(request),
-        Said::Station(station::Out::Reconstruct(job)) => To::Imager(job),
-        Said::Station(station::Out::Note(note)) => To::Edge(Effect::Note(note)),
-        Said::Planner(answer) => To::Station(station::In::Planned(answer)),
-        Said::Station(station::Out::Remember(memory)) => To::Edge(Effect::Remember(memory)),
-        Said::Imager(picture) => {
+        Output::Edge(Event::Bus(_, message)) => Destination::Station(station::In::Bus(message)),
+        Output::Edge(Event::Operator(wish)) => Destination::Station(station::In::Wish(wish)),
+        Output::Station(station::Out::Publish(message)) => Destination::Edge(Effect::Publish(message)),
+        Output::Station(station::Out::Ask(request)) => Destination::Planner(request),
+        Output::Station(station::Out::Reconstruct(job)) => Destination::Imager(job),
+        Output::Station(station::Out::Note(note)) => Destination::Edge(Effect::Note(note)),
+        Output::Planner(answer) => Destination::Station(station::In::Planned(answer)),
+        Output::Station(station::Out::Remember(memory)) => Destination::Edge(Effect::Remember(memory)),
+        Output::Imager(picture) => {
             let made = station::In::Pictured(station::PictureName::of(&picture));
-            to.push(To::Edge(Effect::Picture(picture)));
-            To::Station(made)
+            to.push(Destination::Edge(Effect::Picture(picture)));
+            Destination::Station(made)
         }
     };
     to.push(next);

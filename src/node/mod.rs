@@ -1,9 +1,8 @@
-//! A vehicle: its actors, and the one place that says who hears whom ([`route`]).
+//! A vehicle: its actors, the list of them ([`wiring`]), and the one place that says who hears whom ([`route`]).
 //!
 //! Nothing here knows a device or a network. What reaches a vehicle from outside is an [`Event`],
 //! what it wants done outside is an [`Effect`]; drivers and the bus at the edge turn them into real things.
 
-mod acted;
 mod ages;
 pub mod echo;
 mod from_config;
@@ -22,9 +21,10 @@ mod settings;
 mod tests_support;
 pub mod vehicle;
 mod vehicle_node;
+pub mod wiring;
 
-pub use acted::Acted;
 pub use own_state::OwnState;
 pub use route::{Effect, Event};
 pub use settings::{BodySettings, LookSettings, RadioSettings, SafetySettings, Settings, Task};
 pub use vehicle_node::VehicleNode;
+pub use wiring::VehicleWiring;

@@ -83,61 +83,77 @@ pub enum Note {
 
 /// Whatever is said inside a vehicle or at its edge.
 #[derive(Debug)]
-pub(crate) enum Said {
+pub enum Output {
+    /// From outside.
     Edge(Event),
+    /// By the vehicle actor.
     Vehicle(vehicle::Out),
+    /// By the sensor.
     Sensor(sensor::Out),
+    /// By the map.
     Map(map::Out),
+    /// By the mission.
     Mission(mission::Out),
+    /// By the radio.
     Radio(radio::Out),
+    /// By the outbox.
     Outbox(outbox::Out),
 }
 
 /// Where it goes.
 #[derive(Debug)]
-pub(crate) enum To {
+pub enum Destination {
+    /// To the vehicle actor.
     Vehicle(vehicle::In),
+    /// To the sensor.
     Sensor(sensor::In),
+    /// To the map.
     Map(map::In),
+    /// To the mission.
     Mission(mission::In),
+    /// To the radio.
     Radio(radio::In),
+    /// To the outbox.
     Outbox(outbox::In),
+    /// To the outside.
     Edge(Effect),
 }
 
 /// Says where something goes; destinations are in the order in which they are told.
-pub(crate) fn route(said: Said, to: &mut Vec<To>) {
-    match said {
-        Said::Edge(Event::Telemetry(telemetry)) => to.push(To::Vehicle(vehicle::In::Telemetry(telemetry))),
-        Said::Edge(Event::Echo(echo)) => to.push(To::Sensor(sensor::In::Echo(echo))),
-        Said::Edge(Event::Heard(heard)) => to.push(To::Radio(radio::In::Heard(heard))),
-        Said::Edge(Event::Bus(sender, message)) => route_message(sender, message, to),
-        Said::Edge(Event::Kept(boot, run, sample)) => {
-            to.push(To::Outbox(outbox::In::Kept((boot, run, sample))));
+pub(crate) fn route(output: Output, to: &mut Vec<Destination>) {
+    match output {
+        Output::Edge(Event::Telemetry(telemetry)) => {
+            to.push(Destination::Vehicle(vehicle::In::Telemetry(telemetry)))
         }
-        Said::Edge(Event::Recalled(chunk)) => to.push(To::Outbox(outbox::In::Recalled(chunk))),
-        Said::Edge(Event::Dropped(dropped)) => to.push(To::Outbox(outbox::In::Dropped(dropped))),
-        Said::Vehicle(out) => route_vehicle(out, to),
-        Said::Sensor(sensor::Out::Steer(beam)) => to.push(To::Edge(Effect::Steer(beam))),
-        Said::Sensor(sensor::Out::Ping(ping)) => to.push(To::Edge(Effect::Ping(ping))),
-        Said::Sensor(sensor::Out::Scan(scan)) => {
-            to.push(To::Vehicle(vehicle::In::Scan(scan.clone())));
-            to.push(To::Map(map::In::Scan(scan)));
+        Output::Edge(Event::Echo(echo)) => to.push(Destination::Sensor(sensor::In::Echo(echo))),
+        Output::Edge(Event::Heard(heard)) => to.push(Destination::Radio(radio::In::Heard(heard))),
+        Output::Edge(Event::Bus(sender, message)) => route_message(sender, message, to),
+        Output::Edge(Event::Kept(boot, run, sample)) => {
+            to.push(Destination::Outbox(outbox::In::Kept((boot, run, sample))));
         }
-        Said::Map(map::Out::Tiles(tiles)) => {
-            to.extend(tiles.into_iter().map(|tile| To::Mission(mission::In::Tile(tile))));
+        Output::Edge(Event::Recalled(chunk)) => to.push(Destination::Outbox(outbox::In::Recalled(chunk))),
+        Output::Edge(Event::Dropped(dropped)) => to.push(Destination::Outbox(outbox::In::Dropped(dropped))),
+        Output::Vehicle(out) => route_vehicle(out, to),
+        Output::Sensor(sensor::Out::Steer(beam)) => to.push(Destination::Edge(Effect::Steer(beam))),
+        Output::Sensor(sensor::Out::Ping(ping)) => to.push(Destination::Edge(Effect::Ping(ping))),
+        Output::Sensor(sensor::Out::Scan(scan)) => {
+            to.push(Destination::Vehicle(vehicle::In::Scan(scan.clone())));
+            to.push(Destination::Map(map::In::Scan(scan)));
         }
-        Said::Map(map::Out::Publish(message)) => to.push(To::Edge(Effect::Publish(message))),
-        Said::Mission(out) => route_mission(out, to),
-        Said::Radio(radio::Out::Transmit(beacon)) => to.push(To::Edge(Effect::Transmit(beacon))),
-        Said::Radio(radio::Out::Sample(run, sample)) => {
-            to.push(To::Edge(Effect::Keep(run, sample)));
+        Output::Map(map::Out::Tiles(tiles)) => {
+            to.extend(tiles.into_iter().map(|tile| Destination::Mission(mission::In::Tile(tile))));
         }
-        Said::Radio(radio::Out::Peer(sighting)) => {
-            to.push(To::Vehicle(vehicle::In::Sighted(sighting)));
-            to.push(To::Mission(mission::In::Sighted(sighting)));
+        Output::Map(map::Out::Publish(message)) => to.push(Destination::Edge(Effect::Publish(message))),
+        Output::Mission(out) => route_mission(out, to),
+        Output::Radio(radio::Out::Transmit(beacon)) => to.push(Destination::Edge(Effect::Transmit(beacon))),
+        Output::Radio(radio::Out::Sample(run, sample)) => {
+            to.push(Destination::Edge(Effect::Keep(run, sample)));
         }
-        Said::Outbox(out) => to.push(To::Edge(outbox_effect(out))),
+        Output::Radio(radio::Out::Peer(sighting)) => {
+            to.push(Destination::Vehicle(vehicle::In::Sighted(sighting)));
+            to.push(Destination::Mission(mission::In::Sighted(sighting)));
+        }
+        Output::Outbox(out) => to.push(Destination::Edge(outbox_effect(out))),
     }
 }
 
@@ -150,21 +166,23 @@ fn outbox_effect(out: outbox::Out) -> Effect {
     }
 }
 
-fn route_message(sender: Sender, message: Message, to: &mut Vec<To>) {
-    to.push(To::Mission(mission::In::Heard(sender)));
+fn route_message(sender: Sender, message: Message, to: &mut Vec<Destination>) {
+    to.push(Destination::Mission(mission::In::Heard(sender)));
     match message {
         Message::State(state) => {
-            to.push(To::Vehicle(vehicle::In::Peer(state.clone())));
-            to.push(To::Map(map::In::Peer(state.clone())));
-            to.push(To::Mission(mission::In::Peer(state)));
+            to.push(Destination::Vehicle(vehicle::In::Peer(state.clone())));
+            to.push(Destination::Map(map::In::Peer(state.clone())));
+            to.push(Destination::Mission(mission::In::Peer(state)));
         }
-        Message::Tile(report) => to.push(To::Map(map::In::Tile(report))),
-        Message::Digest(digest) => to.push(To::Map(map::In::Digest(digest))),
-        Message::Want(want) => to.push(To::Map(map::In::Want(want))),
-        Message::Plan(plan) => to.push(To::Mission(mission::In::Plan(plan))),
-        Message::Mission(mission) => to.push(To::Mission(mission::In::Progress((&mission).into()))),
-        Message::Order(order) => to.push(To::Vehicle(vehicle::In::Order(order))),
-        Message::Have(have) => to.push(To::Outbox(outbox::In::Have(have))),
+        Message::Tile(report) => to.push(Destination::Map(map::In::Tile(report))),
+        Message::Digest(digest) => to.push(Destination::Map(map::In::Digest(digest))),
+        Message::Want(want) => to.push(Destination::Map(map::In::Want(want))),
+        Message::Plan(plan) => to.push(Destination::Mission(mission::In::Plan(plan))),
+        Message::Mission(mission) => {
+            to.push(Destination::Mission(mission::In::Progress((&mission).into())));
+        }
+        Message::Order(order) => to.push(Destination::Vehicle(vehicle::In::Order(order))),
+        Message::Have(have) => to.push(Destination::Outbox(outbox::In::Have(have))),
         // Samples are the ground's business, images operators'; beacons come by radio; greetings are the bus's. Nothing
         // is done yet about open stops and tasks.
         Message::Samples(_)
@@ -178,38 +196,38 @@ fn route_message(sender: Sender, message: Message, to: &mut Vec<To>) {
     }
 }
 
-fn route_vehicle(out: vehicle::Out, to: &mut Vec<To>) {
+fn route_vehicle(out: vehicle::Out, to: &mut Vec<Destination>) {
     match out {
-        vehicle::Out::Fly(fly) => to.push(To::Edge(Effect::Fly(fly))),
+        vehicle::Out::Fly(fly) => to.push(Destination::Edge(Effect::Fly(fly))),
         vehicle::Out::State(state) => {
-            to.push(To::Sensor(sensor::In::State(state.clone())));
-            to.push(To::Radio(radio::In::State(state.clone())));
-            to.push(To::Mission(mission::In::State(state)));
+            to.push(Destination::Sensor(sensor::In::State(state.clone())));
+            to.push(Destination::Radio(radio::In::State(state.clone())));
+            to.push(Destination::Mission(mission::In::State(state)));
         }
-        vehicle::Out::Order(order) => to.push(To::Mission(mission::In::Order(order))),
-        vehicle::Out::Publish(state) => to.push(To::Edge(Effect::Publish(Message::State(state)))),
+        vehicle::Out::Order(order) => to.push(Destination::Mission(mission::In::Order(order))),
+        vehicle::Out::Publish(state) => to.push(Destination::Edge(Effect::Publish(Message::State(state)))),
         vehicle::Out::Remark(remark) => {
-            to.push(To::Mission(mission::In::Remark(remark.clone())));
-            to.push(To::Edge(Effect::Note(Note::Vehicle(remark))));
+            to.push(Destination::Mission(mission::In::Remark(remark.clone())));
+            to.push(Destination::Edge(Effect::Note(Note::Vehicle(remark))));
         }
     }
 }
 
-fn route_mission(out: mission::Out, to: &mut Vec<To>) {
+fn route_mission(out: mission::Out, to: &mut Vec<Destination>) {
     match out {
         mission::Out::Command(decided, command) => {
-            to.push(To::Vehicle(vehicle::In::Command(decided, command)));
+            to.push(Destination::Vehicle(vehicle::In::Command(decided, command)));
         }
-        mission::Out::Holds(holds) => to.push(To::Vehicle(vehicle::In::Holds(holds))),
+        mission::Out::Holds(holds) => to.push(Destination::Vehicle(vehicle::In::Holds(holds))),
         mission::Out::Accepted(run, revision) => {
-            to.push(To::Vehicle(vehicle::In::Accepted(run, revision)));
+            to.push(Destination::Vehicle(vehicle::In::Accepted(run, revision)));
         }
         mission::Out::Progress(mission) => {
-            to.push(To::Radio(radio::In::Progress(mission.progress)));
-            to.push(To::Edge(Effect::Publish(Message::Mission(mission))));
+            to.push(Destination::Radio(radio::In::Progress(mission.progress)));
+            to.push(Destination::Edge(Effect::Publish(Message::Mission(mission))));
         }
-        mission::Out::Measure(run) => to.push(To::Radio(radio::In::Measure(run))),
-        mission::Out::Remark(remark) => to.push(To::Edge(Effect::Note(Note::Mission(remark)))),
+        mission::Out::Measure(run) => to.push(Destination::Radio(radio::In::Measure(run))),
+        mission::Out::Remark(remark) => to.push(Destination::Edge(Effect::Note(Note::Mission(remark)))),
     }
 }
 
@@ -221,9 +239,9 @@ mod tests {
     /// Returns of whom a mission hears when a sender says a message.
     fn heard(sender: Sender, message: Message) -> Vec<Sender> {
         let mut to = Vec::new();
-        route(Said::Edge(Event::Bus(sender, message)), &mut to);
+        route(Output::Edge(Event::Bus(sender, message)), &mut to);
         let heard = to.into_iter().filter_map(|to| match to {
-            To::Mission(mission::In::Heard(by)) => Some(by),
+            Destination::Mission(mission::In::Heard(by)) => Some(by),
             _ => None,
         });
         heard.collect()

@@ -24,7 +24,7 @@ use zenoh::qos::{CongestionControl, Priority};
 use zenoh::sample::Locality;
 
 use super::clock::Clock;
-use super::desk::{Troubles, lock};
+use super::mailbox::{Troubles, lock};
 use super::subjects;
 use super::trust::AccessRule;
 use crate::exchange::egress::OutboundFrame;

@@ -19,19 +19,20 @@ use tomoswarm_proto::{Boot, Message, Report, RunId, Sender, VehicleId, codec};
 use self::archive::Archive;
 use self::keeper::{Wanted, keeper};
 use super::bus::{BusError, Mouth};
-use super::desk::{Troubles, lock};
-use super::ground::{Desks, Makers, seat_all};
+use super::mailbox::{Troubles, lock};
 use super::member::Member;
 use super::membership::{self, NoChance};
+use super::node_threads::LiveNode;
 use super::process::{Finish, Process};
 use super::state_dir::{StateDir, StateDirError};
 use super::trust::TrustError;
 use super::vehicle_process::{recorder, short, watch_recorder};
-use crate::actor::{Actor, Fault};
+use crate::actor::Actor;
 use crate::config::GroundFile;
-use crate::ground::from_config::{GroundParts, PartsError, ground_parts};
+use crate::ground::from_config::{PartsError, ground_parts};
 use crate::ground::station::{self, Memory, Note, Station};
-use crate::ground::{Effect, Event};
+use crate::ground::wiring::Source;
+use crate::ground::{Effect, Event, GroundWiring};
 use crate::store::StoreError;
 use crate::store::ground::{GroundStore, Restored, Start};
 use crate::time::Time;
@@ -96,15 +97,15 @@ pub fn run(
         Start { config: text, venue: venue_text, venue_hash: file.venue.hash(), seed: None, note, new_id };
     let store = GroundStore::open(&state_dir.join("ground.sqlite"), &start)?;
     let holder = membership::draw()?;
-    let makers = makers(file, state_dir.boot(), holder, &store)?;
+    let source = source(file, state_dir.boot(), holder, &store)?;
     let hello = membership::greeting(Sender::Ground, state_dir.boot(), &file.venue, Vec::new())?;
     let access = membership::access(Sender::Ground, &file.venue, &file.bus, Some(&state_dir))?;
     let bus = membership::bus_settings(Sender::Ground, &file.venue, &file.bus, access);
-    let desks = Desks::default();
+    let node = LiveGround::default();
     let (to_store, wanted) = sync_channel(QUEUE);
-    let ear = Ear { desks: desks.clone(), store: to_store.clone(), expected: expected(file) };
+    let ear = Ear { node: node.clone(), store: to_store.clone(), expected: expected(file) };
     let mut member = process.join(bus, hello, move |sender, message| ear.take(sender, message))?;
-    let troubles = process.office().troubles.clone();
+    let troubles = process.context().troubles.clone();
     let edge = Arc::new(Edge {
         mouth: member.mouth(),
         archive: Arc::new(Archive::new(store, troubles.clone())),
@@ -112,7 +113,7 @@ pub fn run(
         compare_with: file.compare_with,
         report: Mutex::default(),
     });
-    let told = desks.clone();
+    let told = node.clone();
     let keeper = keeper(edge.archive.clone(), wanted, move |batch| {
         told.tell(Event::Bus(Sender::Vehicle(batch.vehicle), Message::Samples(batch)));
     })?;
@@ -120,41 +121,27 @@ pub fn run(
     let recorder = recorder(file.record, &state_dir, "ground", text, lattice);
     let of_actors = edge.clone();
     let carry_out = move |effect| of_actors.carry_out(effect);
-    let threads = seat_all(process.office(), &desks, makers, recorder.as_ref(), carry_out)?;
+    let threads = node.start(process.context(), source, recorder.as_ref(), carry_out)?;
     let mut tick = |_: Time, _: &Member, troubles: &Troubles| {
         watch_recorder(recorder.as_ref(), troubles);
         let report = lock(&edge.report).clone();
         status(&Status { report, links: edge.mouth.links(), troubles: troubles.list() });
     };
-    let finish = process.keep(&mut member, is_stopped, &|now| desks.busy_for(now), &mut tick);
-    desks.close();
+    let finish = process.keep(&mut member, is_stopped, &|now| node.busy_for(now), &mut tick);
+    node.close();
     member.close();
-    // Who panicked has said so already.
-    threads.into_iter().for_each(|thread| drop(thread.join()));
+    threads.join();
     // The bus's ear lives as long as anyone holds its mouth, so the queue never ends by itself.
     to_store.send(Wanted::End).unwrap_or_default();
     let _ = keeper.join();
     Ok(finish)
 }
 
-/// Gives what makes the actors: the station goes on where the store says that an earlier one was.
-fn makers(file: &GroundFile, boot: Boot, holder: u64, store: &GroundStore) -> Result<Makers, GroundError> {
-    let GroundParts { station, planner, imager } = ground_parts(file, boot, holder, store.id())?;
-    let restored = store.resume()?;
-    let mut first = Some(resume(station.clone(), restored, &expected(file)));
-    let mut imager = Some(imager);
-    let again = file.clone();
-    let id = store.id();
-    Ok(Makers {
-        station: Box::new(move || Ok(first.take().unwrap_or_else(|| Station::new(station.clone())))),
-        planner: Box::new(move || Ok(planner.clone())),
-        imager: Box::new(move || match imager.take() {
-            Some(imager) => Ok(imager),
-            None => ground_parts(&again, boot, holder, id)
-                .map(|parts| parts.imager)
-                .map_err(|error| Fault { actor: "imager", reason: error.to_string() }),
-        }),
-    })
+/// Returns what the actors are made from: the station goes on where the store says that an earlier one was.
+fn source(file: &GroundFile, boot: Boot, holder: u64, store: &GroundStore) -> Result<Source, GroundError> {
+    let parts = ground_parts(file, boot, holder, store.id())?;
+    let resumed = resume(parts.station.clone(), store.resume()?, &expected(file));
+    Ok(Source { parts, resumed: Some(resumed) })
 }
 
 fn expected(file: &GroundFile) -> BTreeSet<VehicleId> {
@@ -199,9 +186,11 @@ fn resume(
     station
 }
 
+type LiveGround = LiveNode<GroundWiring>;
+
 /// Takes what the bus delivers.
 struct Ear {
-    desks: Desks,
+    node: LiveGround,
     store: SyncSender<Wanted>,
     expected: BTreeSet<VehicleId>,
 }
@@ -232,7 +221,7 @@ impl Ear {
             }
             Message::Tile(report) => {
                 drop(self.store.try_send(Wanted::Tile(report.clone())));
-                self.desks.tell(Event::Bus(sender, Message::Tile(report)));
+                self.node.tell(Event::Bus(sender, Message::Tile(report)));
             }
             Message::State(_)
             | Message::Digest(_)
@@ -246,7 +235,7 @@ impl Ear {
             | Message::Report(_)
             | Message::Standing(_)
             | Message::Task(_)
-            | Message::Image(_) => self.desks.tell(Event::Bus(sender, message)),
+            | Message::Image(_) => self.node.tell(Event::Bus(sender, message)),
         }
     }
 }

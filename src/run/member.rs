@@ -6,7 +6,7 @@ use std::sync::Mutex;
 use tomoswarm_proto::{Hello, Message, Sender};
 
 use super::bus::{Bus, BusError, BusSettings, Heard, Mouth};
-use super::desk::{Ending, Office, lock};
+use super::mailbox::{Ending, RuntimeContext, lock};
 use crate::exchange::joining::Verdict;
 use crate::exchange::presence::Presence;
 use crate::time::Time;
@@ -25,11 +25,11 @@ impl Member {
     pub fn open(
         settings: BusSettings,
         own: Hello,
-        office: &Office,
+        context: &RuntimeContext,
         hear: impl Fn(Sender, Message) + Send + Sync + 'static,
     ) -> Result<Member, BusError> {
-        let endings = Mutex::new(office.endings.clone());
-        let presence = Presence::asking(office.clock.now(), own);
+        let endings = Mutex::new(context.endings.clone());
+        let presence = Presence::asking(context.clock.now(), own);
         let take = move |heard: Option<Heard>, verdict| {
             if let Some(Heard::Message(sender, message)) = heard {
                 hear(sender, message);
@@ -42,7 +42,7 @@ impl Member {
                 }
             }
         };
-        let bus = Bus::join(settings, presence, office.clock, office.troubles.clone(), take)?;
+        let bus = Bus::join(settings, presence, context.clock, context.troubles.clone(), take)?;
         Ok(Member { bus, is_speaking: false })
     }
 

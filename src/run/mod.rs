@@ -7,18 +7,17 @@
 
 pub mod bus;
 pub mod clock;
-pub mod desk;
 pub mod door;
-pub mod ground;
 pub mod ground_process;
 pub mod link;
 pub mod live;
+pub mod mailbox;
 pub mod member;
 pub mod membership;
+pub mod node_threads;
 pub mod process;
 pub mod state_dir;
 pub mod subjects;
 pub mod trust;
-pub mod vehicle;
 pub mod vehicle_process;
 pub mod world;

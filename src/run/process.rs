@@ -14,7 +14,7 @@ use tomoswarm_proto::Message;
 
 use super::bus::{BusError, BusSettings};
 use super::clock::Clock;
-use super::desk::{Ending, Office, Troubles};
+use super::mailbox::{Ending, RuntimeContext, Troubles};
 use super::member::Member;
 use crate::time::Time;
 use tomoswarm_proto::{Hello, Sender};
@@ -38,7 +38,7 @@ pub enum Finish {
 
 /// The common part of a process.
 pub struct Process {
-    office: Office,
+    context: RuntimeContext,
     endings: Receiver<Ending>,
     ticked: Time,
 }
@@ -47,13 +47,13 @@ impl Process {
     /// Begins; the clock starts now.
     pub fn begin() -> Process {
         let (endings, ended) = channel();
-        let office = Office { clock: Clock::start(), troubles: Troubles::default(), endings };
-        Process { office, endings: ended, ticked: Time::ZERO }
+        let context = RuntimeContext { clock: Clock::start(), troubles: Troubles::default(), endings };
+        Process { context, endings: ended, ticked: Time::ZERO }
     }
 
     /// Gives what all threads share.
-    pub fn office(&self) -> &Office {
-        &self.office
+    pub fn context(&self) -> &RuntimeContext {
+        &self.context
     }
 
     /// Goes on the bus.
@@ -66,20 +66,20 @@ impl Process {
         own: Hello,
         hear: impl Fn(Sender, Message) + Send + Sync + 'static,
     ) -> Result<Member, BusError> {
-        Member::open(settings, own, &self.office, hear)
+        Member::open(settings, own, &self.context, hear)
     }
 
     /// Asks whether it may take part, until it does; gives how it ended if it may not, or was asked to stop meanwhile.
     pub fn ask(&mut self, member: &mut Member, is_stopped: &dyn Fn() -> bool) -> Option<Finish> {
         loop {
-            let next = member.greet(self.office.clock.now());
+            let next = member.greet(self.context.clock.now());
             if is_stopped() {
                 return Some(Finish::Asked);
             }
             if member.is_member() {
                 return None;
             }
-            let wait = next.since(self.office.clock.now()).min(LOOKS_EVERY);
+            let wait = next.since(self.context.clock.now()).min(LOOKS_EVERY);
             if let Ok(ending) = self.endings.recv_timeout(wait) {
                 return Some(Finish::Ending(ending));
             }
@@ -97,7 +97,7 @@ impl Process {
     ) -> Finish {
         let mut is_ready = false;
         loop {
-            let now = self.office.clock.now();
+            let now = self.context.clock.now();
             let next = member.greet(now);
             if member.is_member() && !is_ready {
                 is_ready = true;
@@ -108,13 +108,13 @@ impl Process {
             }
             if now.since(self.ticked) >= TICK {
                 self.ticked = now;
-                tick(now, member, &self.office.troubles);
+                tick(now, member, &self.context.troubles);
             }
             if is_stopped() {
                 notify(&[NotifyState::Stopping]);
                 return Finish::Asked;
             }
-            let wait = next.since(self.office.clock.now()).min(LOOKS_EVERY);
+            let wait = next.since(self.context.clock.now()).min(LOOKS_EVERY);
             match self.endings.recv_timeout(wait) {
                 Ok(ending) => return Finish::Ending(ending),
                 Err(RecvTimeoutError::Timeout | RecvTimeoutError::Disconnected) => {}

@@ -8,8 +8,11 @@ use tomoswarm_proto::{Kind, Sender, VehicleId};
 
 use crate::exchange::table::{Audience, Row, TABLE, Vehicles};
 
+/// Returns who hears a kind of message from one role.
+type Hearers = fn(&Row) -> Option<Audience>;
+
 /// Those who say something, as patterns of keys.
-const ROLES: [(&str, fn(&Row) -> Option<Audience>); 3] = [
+const ROLES: [(&str, Hearers); 3] = [
     ("vehicle/*", |row| row.of_vehicle),
     ("ground", |row| row.of_ground),
     ("operator/*", |row| row.of_operator),
@@ -24,15 +27,14 @@ pub fn written_by(node: Sender) -> Vec<String> {
 /// under that sender's keys, and so also counts what it does not know.
 pub fn heard_by(node: Sender) -> Vec<String> {
     let heard = ROLES.map(|(role, audience)| (role, heard_of(node, role, audience)));
-    let everything = |role: &str| vec![format!("{role}/**")];
-    if heard.iter().all(|(role, keys)| *keys == everything(role)) {
+    if heard.iter().all(|(role, keys)| *keys == [everything_of(role)]) {
         return vec!["**".to_owned()];
     }
     heard.into_iter().flat_map(|(_, keys)| keys).collect()
 }
 
 /// Returns the key expressions under which a node hears those of one role.
-fn heard_of(node: Sender, role: &str, audience: fn(&Row) -> Option<Audience>) -> Vec<String> {
+fn heard_of(node: Sender, role: &str, audience: Hearers) -> Vec<String> {
     let on_the_bus = TABLE.iter().filter_map(|row| audience(row).map(|audience| (row, audience)));
     let on_the_bus: Vec<_> = on_the_bus.filter(|(_, audience)| !audience.is_nobody()).collect();
     let pattern = |(row, audience): &(&Row, Audience)| match node {
@@ -42,7 +44,12 @@ fn heard_of(node: Sender, role: &str, audience: fn(&Row) -> Option<Audience>) ->
     };
     let heard: Vec<String> = on_the_bus.iter().filter_map(pattern).collect();
     let hears_all = !matches!(node, Sender::Vehicle(_)) && heard.len() == on_the_bus.len();
-    if hears_all { vec![format!("{role}/**")] } else { heard }
+    if hears_all { vec![everything_of(role)] } else { heard }
+}
+
+/// Returns the key expression of all that one role says: `vehicle/**`, `ground/**`.
+fn everything_of(role: &str) -> String {
+    format!("{}/**", role.trim_end_matches("/*"))
 }
 
 fn heard_by_vehicle(id: VehicleId, role: &str, row: &Row, vehicles: Vehicles) -> Option<String> {

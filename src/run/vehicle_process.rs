@@ -16,19 +16,19 @@ use tomoswarm_proto::{
 
 use super::bus::{BusError, Mouth};
 use super::clock::Clock;
-use super::desk::{Troubles, lock};
 use super::link::{LinkSettings, LinkState, WorldLink};
+use super::mailbox::{Troubles, lock};
 use super::member::Member;
 use super::membership::{self, NoChance};
+use super::node_threads::{LiveNode, Threads};
 use super::process::{Finish, Process};
 use super::state_dir::{StateDir, StateDirError};
 use super::trust::TrustError;
-use super::vehicle::{Desks, Threads, seat_all};
 use crate::config::{Record, VehicleFile};
 use crate::geom::Lattice;
 use crate::node::outbox::Tally;
 use crate::node::vehicle::Fly;
-use crate::node::{Effect, Event, Settings};
+use crate::node::{Effect, Event, Settings, VehicleWiring};
 use crate::store::outbox::{OutboxDriver, OutboxSettings};
 use crate::store::recording::{About, Limits, Recorder};
 use crate::time::Time;
@@ -124,12 +124,14 @@ impl Last {
     }
 }
 
+type LiveVehicle = LiveNode<VehicleWiring>;
+
 struct Edge {
     mouth: Mouth,
     world: WorldLink,
     outbox: OutboxDriver,
     last: Arc<Mutex<Last>>,
-    desks: Desks,
+    node: LiveVehicle,
     clock: Clock,
 }
 
@@ -176,12 +178,12 @@ pub fn run(
     let mut process = Process::begin();
     let state_dir = StateDir::open(Path::new(&file.state_dir))?;
     let settings = Settings::from_vehicle_file(file, state_dir.boot());
-    let node = Sender::Vehicle(file.id);
-    let hello = membership::greeting(node, state_dir.boot(), &file.venue, CAPABILITIES.to_vec())?;
-    let desks = Desks::default();
-    let told = desks.clone();
-    let access = membership::access(node, &file.venue, &file.bus, Some(&state_dir))?;
-    let bus = membership::bus_settings(node, &file.venue, &file.bus, access);
+    let sender = Sender::Vehicle(file.id);
+    let hello = membership::greeting(sender, state_dir.boot(), &file.venue, CAPABILITIES.to_vec())?;
+    let node = LiveVehicle::default();
+    let told = node.clone();
+    let access = membership::access(sender, &file.venue, &file.bus, Some(&state_dir))?;
+    let bus = membership::bus_settings(sender, &file.venue, &file.bus, access);
     let mut member =
         process.join(bus, hello, move |sender, message| told.tell(Event::Bus(sender, message)))?;
     // Nothing is driven by a node that may not take part.
@@ -190,14 +192,14 @@ pub fn run(
         return Ok(finish);
     }
     let last = Arc::new(Mutex::<Last>::default());
-    let world = link(file, &state_dir, desks.clone(), last.clone())?;
-    let outbox = outbox(file, &state_dir, desks.clone())?;
-    let clock = process.office().clock;
-    let edge = Arc::new(Edge { mouth: member.mouth(), world, outbox, last, desks: desks.clone(), clock });
+    let world = link(file, &state_dir, node.clone(), last.clone())?;
+    let outbox = outbox(file, &state_dir, node.clone())?;
+    let clock = process.context().clock;
+    let edge = Arc::new(Edge { mouth: member.mouth(), world, outbox, last, node: node.clone(), clock });
     let of_actors = edge.clone();
     let recorder = recorder(file.record, &state_dir, &format!("vehicle/{}", file.id), text, settings.lattice);
     let carry_out = move |effect| of_actors.carry_out(effect);
-    let threads = seat_all(process.office(), &desks, &settings, recorder.as_ref(), carry_out)?;
+    let threads = node.start(process.context(), settings.clone(), recorder.as_ref(), carry_out)?;
     let mut said_at = Time::ZERO;
     let mut tick = |now: Time, member: &Member, troubles: &Troubles| {
         edge.watch_world(troubles);
@@ -216,9 +218,9 @@ pub fn run(
             troubles: troubles.list(),
         });
     };
-    let finish = process.keep(&mut member, is_stopped, &|now| desks.busy_for(now), &mut tick);
+    let finish = process.keep(&mut member, is_stopped, &|now| node.busy_for(now), &mut tick);
     edge.come_to_rest(&threads);
-    desks.close();
+    node.close();
     threads.join();
     edge.stop();
     // Nobody else holds them: what is not on disk yet is written now.
@@ -257,20 +259,20 @@ pub(super) fn watch_recorder(recorder: Option<&Recorder>, troubles: &Troubles) {
     }
 }
 
-fn outbox(file: &VehicleFile, state_dir: &StateDir, desks: Desks) -> std::io::Result<OutboxDriver> {
+fn outbox(file: &VehicleFile, state_dir: &StateDir, node: LiveVehicle) -> std::io::Result<OutboxDriver> {
     let settings = OutboxSettings {
         path: state_dir.join("outbox.sqlite"),
         vehicle: file.id,
         boot: state_dir.boot(),
         most_bytes: OUTBOX_BYTES,
     };
-    OutboxDriver::start(settings, move |event| desks.tell(event))
+    OutboxDriver::start(settings, move |event| node.tell(event))
 }
 
 fn link(
     file: &VehicleFile,
     state_dir: &StateDir,
-    desks: Desks,
+    node: LiveVehicle,
     last: Arc<Mutex<Last>>,
 ) -> std::io::Result<WorldLink> {
     let settings = LinkSettings {
@@ -283,7 +285,7 @@ fn link(
         if matches!(event, Event::Echo(_)) {
             lock(&last).ping = None;
         }
-        desks.tell(event);
+        node.tell(event);
     })
 }
 
@@ -333,7 +335,7 @@ impl Edge {
             hears,
             samples_waiting: tally.waiting,
             samples_lost: tally.lost + self.outbox.health().overrun,
-            inputs_dropped: self.desks.dropped(),
+            inputs_dropped: self.node.dropped(),
             frames_refused: traffic.refused,
             frames_unknown: traffic.unknown,
             disk_free_mb: state_dir.free_mb(),
@@ -349,13 +351,14 @@ impl Edge {
 
     /// Brakes, until the vehicle stands and the mission has ended, or for long enough.
     fn come_to_rest(&self, threads: &Threads) {
-        self.desks.close_mission();
+        let mission = &self.node.actors().mission;
+        mission.place.close();
         let begun = self.clock.now();
         let mut ended = None;
         loop {
             self.stop();
             let now = self.clock.now();
-            if threads.has_mission_ended() {
+            if threads.has_ended(mission.wire.name) {
                 ended.get_or_insert(now);
             }
             let is_over = ended.is_some_and(|at| now.since(at) >= BRAKES_AT_LEAST);

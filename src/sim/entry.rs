@@ -1,12 +1,9 @@
 //! What a recorded run hands out while it runs: every step of every actor, and from time to time everything afresh.
 //! Who records it decides where it goes; the run is the same with and without.
 
-use tomoswarm_proto::VehicleId;
-
 use super::bus::NodeId;
-use crate::actor::Snapshot;
+use crate::actor::{ActorStep, Snapshot};
 use crate::time::Time;
-use crate::{ground, node};
 
 /// A piece of a recording.
 #[derive(Clone, Debug)]
@@ -20,8 +17,6 @@ pub enum Entry {
         /// All its actors.
         snapshots: Vec<Snapshot>,
     },
-    /// A step of an actor of a vehicle.
-    Vehicle(VehicleId, node::Acted),
-    /// A step of an actor of the ground station.
-    Ground(ground::Acted),
+    /// A step of an actor of a node.
+    Step(NodeId, ActorStep),
 }

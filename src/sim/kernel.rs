@@ -270,7 +270,7 @@ impl Kernel {
 
     /// Queues the node's next wake, unless the one queued already is the right one.
     fn set_alarm(&mut self, node: usize) {
-        let deadline = match self.vehicles.get(node) {
+        let deadline = match self.vehicles.get_mut(node) {
             Some(vehicle) => vehicle.deadline(),
             None => self.ground.deadline(),
         };

@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 use std::path::Path;
+use std::sync::Arc;
 
 use super::desk::{Desk, Said};
 
@@ -42,10 +43,19 @@ fn rewrite(
         let mut changed = (topic, String::from_utf8(message.data.to_vec()).unwrap());
         if keep(*number, &mut changed) {
             let data = changed.1.into_bytes().into();
-            writer.write(&mcap::Message { data, ..message }).unwrap();
+            let channel = match changed.0 == message.channel.topic {
+                true => message.channel.clone(),
+                false => renamed(&message.channel, changed.0),
+            };
+            writer.write(&mcap::Message { data, channel, ..message }).unwrap();
         }
     }
     writer.finish().unwrap();
+}
+
+/// A channel of another topic; one topic only may be renamed in a file.
+fn renamed<'a>(channel: &mcap::Channel<'a>, topic: String) -> Arc<mcap::Channel<'a>> {
+    Arc::new(mcap::Channel { id: channel.id + 1000, topic, ..channel.clone() })
 }
 
 fn replay(desk: &Desk, path: &str) -> Said {
@@ -191,4 +201,46 @@ fn what_is_no_recording_of_this_version_is_refused() {
     let said = replay(&desk, "json.mcap");
     assert_eq!(said.code, 2);
     assert!(said.err.contains("/vehicle/1/radio/step is no message of a recording"), "{}", said.err);
+}
+
+#[test]
+fn an_actor_that_is_unknown_of_another_kind_or_of_an_older_shape_is_refused_by_name() {
+    let desk = recorded();
+    let rename = |name: &str, to: &'static str| {
+        desk.write(name, desk.read(ROVER));
+        rewrite(
+            &desk.path(name),
+            |_| {},
+            |_, (topic, _)| {
+                if topic == "/vehicle/1/map/snapshot" {
+                    to.clone_into(topic);
+                }
+                true
+            },
+        );
+    };
+    rename("unknown.mcap", "/vehicle/1/compass/snapshot");
+    desk.refused(
+        &["replay", "unknown.mcap"],
+        &["unknown.mcap", "/vehicle/1/compass/snapshot is of no actor"],
+    );
+    rename("ground.mcap", "/vehicle/1/station/snapshot");
+    desk.refused(&["replay", "ground.mcap"], &["ground.mcap", "/vehicle/1/station/snapshot is of no actor"]);
+    rename("kind.mcap", "/balloon/1/map/snapshot");
+    desk.refused(&["replay", "kind.mcap"], &["kind.mcap", "/balloon/1/map/snapshot is of no actor"]);
+    desk.write("older.mcap", desk.read(ROVER));
+    rewrite(
+        &desk.path("older.mcap"),
+        |_| {},
+        |_, (topic, text)| {
+            if topic == "/vehicle/1/radio/snapshot" {
+                // As if the actor had had only its first field.
+                let (before, packed) = text.split_once("\"packed\":\"").unwrap();
+                *text = format!("{before}\"packed\":\"{}\"}}", &packed[..4]);
+            }
+            true
+        },
+    );
+    let expected = ["older.mcap", "/vehicle/1/radio/snapshot packed bytes cannot be read by this version"];
+    desk.refused(&["replay", "older.mcap"], &expected);
 }

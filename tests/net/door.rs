@@ -10,7 +10,7 @@ use std::time::Duration;
 use tomoswarm::config::{self, Config, Venue};
 use tomoswarm::run::bus::{Bus, BusSettings, Heard, Topology};
 use tomoswarm::run::clock::Clock;
-use tomoswarm::run::desk::Troubles;
+use tomoswarm::run::mailbox::Troubles;
 use tomoswarm_proto::{
     Boot, Health, Hello, Lease, Message, Mode, Order, OrderKind, Ordered, PoseReport, Position, Report,
     Sender, State, VehicleId,

@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 use tomoswarm::config::{self, BusFile, Config, Venue};
 use tomoswarm::run::bus::{Bus, BusSettings, Heard, Mouth};
 use tomoswarm::run::clock::Clock;
-use tomoswarm::run::desk::Troubles;
+use tomoswarm::run::mailbox::Troubles;
 use tomoswarm::run::membership;
 use tomoswarm_proto::{Message, Progress, RunId, Sender, VehicleId};
 

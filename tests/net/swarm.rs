@@ -15,9 +15,9 @@ use std::time::{Duration, Instant};
 use rustix::process::{Pid, Signal, kill_process};
 use tomoswarm::run::bus::{Bus, Heard};
 use tomoswarm::run::clock::Clock;
-use tomoswarm::run::desk::Troubles;
 use tomoswarm::run::door::roll::Roll;
 use tomoswarm::run::link::WorldControl;
+use tomoswarm::run::mailbox::Troubles;
 use tomoswarm::store::ground::GroundStore;
 use tomoswarm_proto::{Boot, Digest, Message, Report, RunId, Sample, Sender, StationPhase, VehicleId};
 

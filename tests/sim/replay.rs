@@ -4,17 +4,14 @@
 use std::collections::BTreeMap;
 use std::time::Duration;
 
-use serde::Serialize;
-use serde::de::DeserializeOwned;
-use tomoswarm::actor::{Actor, Cause, Snapshot, Step, again};
-use tomoswarm::ground::{self, imager::Imager, planner::Planner, station::Station};
+use tomoswarm::actor::{ActorStep, Cause, NodeActor, Snapshot, again};
+use tomoswarm::ground::{imager::Imager, planner::Planner, station::Station};
 use tomoswarm::node::map::Map;
 use tomoswarm::node::mission::Mission;
 use tomoswarm::node::outbox::Outbox;
 use tomoswarm::node::radio::Radio;
 use tomoswarm::node::sensor::Sensor;
 use tomoswarm::node::vehicle::Vehicle;
-use tomoswarm::node::{self};
 use tomoswarm::sim::Entry;
 use tomoswarm::sim::bus::NodeId;
 use tomoswarm_proto::codec::{pack, unpack};
@@ -34,11 +31,7 @@ impl<A> Default for Again<A> {
     }
 }
 
-impl<A: Actor + Serialize + DeserializeOwned> Again<A>
-where
-    A::In: Clone,
-    A::Out: Serialize,
-{
+impl<A: NodeActor> Again<A> {
     fn restore(&mut self, snapshot: &Snapshot) {
         if let Some(actor) = &self.actor {
             assert!(pack(actor).unwrap() == snapshot.bytes, "{} is another by now", snapshot.actor);
@@ -47,8 +40,9 @@ where
         self.restored += 1;
     }
 
-    fn take(&mut self, step: Step<A::In, A::Out>) {
-        let told = match step.cause {
+    fn take(&mut self, step: &ActorStep) {
+        let step = step.of::<A>().unwrap();
+        let told = match step.cause.clone() {
             Cause::Told(input) => Some(input),
             Cause::Woken(_) => None,
         };
@@ -82,14 +76,15 @@ impl Rover {
         }
     }
 
-    fn take(&mut self, acted: node::Acted) {
-        match acted {
-            node::Acted::Vehicle(step) => self.vehicle.take(step),
-            node::Acted::Sensor(step) => self.sensor.take(step),
-            node::Acted::Map(step) => self.map.take(step),
-            node::Acted::Mission(step) => self.mission.take(step),
-            node::Acted::Radio(step) => self.radio.take(step),
-            node::Acted::Outbox(step) => self.outbox.take(step),
+    fn take(&mut self, step: &ActorStep) {
+        match step.actor {
+            "vehicle" => self.vehicle.take(step),
+            "sensor" => self.sensor.take(step),
+            "map" => self.map.take(step),
+            "mission" => self.mission.take(step),
+            "radio" => self.radio.take(step),
+            "outbox" => self.outbox.take(step),
+            other => panic!("{other} is no actor of a vehicle"),
         }
     }
 }
@@ -111,11 +106,12 @@ impl Ground {
         }
     }
 
-    fn take(&mut self, acted: ground::Acted) {
-        match acted {
-            ground::Acted::Station(step) => self.station.take(step),
-            ground::Acted::Planner(step) => self.planner.take(step),
-            ground::Acted::Imager(step) => self.imager.take(step),
+    fn take(&mut self, step: &ActorStep) {
+        match step.actor {
+            "station" => self.station.take(step),
+            "planner" => self.planner.take(step),
+            "imager" => self.imager.take(step),
+            other => panic!("{other} is no actor of the ground station"),
         }
     }
 }
@@ -133,8 +129,8 @@ fn an_actor_restored_at_any_moment_goes_on_as_the_original() {
             Entry::Segment { snapshots, .. } => {
                 snapshots.iter().for_each(|snapshot| ground.restore(snapshot))
             }
-            Entry::Vehicle(id, acted) => rovers.entry(id).or_default().take(acted),
-            Entry::Ground(acted) => ground.take(acted),
+            Entry::Step(NodeId::Vehicle(id), step) => rovers.entry(id).or_default().take(&step),
+            Entry::Step(_, step) => ground.take(&step),
         };
         let recorded =
             place.scenario().run_recorded(&mut |_| true, Duration::from_secs_f64(segment_s), &mut record);

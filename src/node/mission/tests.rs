@@ -162,7 +162,7 @@ fn the_way_home_waits_until_lower_ids_are_quiet() {
 
 #[test]
 fn neither_an_order_nor_a_tile_is_lost_to_a_slow_mission() {
-    let mut seat = crate::actor::Seat::new(planned(None));
+    let mut seat = crate::actor::ActorCell::new(planned(None));
     seat.push(order(OrderKind::Hold));
     for tile in tiles(Some((1.4, 1.8))) {
         seat.push(tile);

@@ -203,7 +203,7 @@ fn unread_orders_join_to_the_stronger_and_the_newer_revision() {
 #[test]
 fn an_unread_emergency_is_not_lost_to_an_order_for_another_vehicle_or_run() {
     let check = |newer: Order| {
-        let mut seat = crate::actor::Seat::new(vehicle());
+        let mut seat = crate::actor::ActorCell::new(vehicle());
         seat.push(In::Order(order(OrderKind::Emergency, LEASE, 1, 0)));
         seat.push(In::Order(newer));
         let mut out = Vec::new();

@@ -12,7 +12,7 @@ use tomoswarm_proto::{Hello, Message};
 
 use super::super::bus::{Bus, BusError, BusSettings, Heard, Mouth};
 use super::super::clock::Clock;
-use super::super::desk::Troubles;
+use super::super::mailbox::Troubles;
 use crate::time::Time;
 
 /// Messages that may wait to be read.

@@ -7,7 +7,7 @@ use std::sync::Mutex;
 
 use tomoswarm_proto::{Boot, LayerId, Plan, Revision, RunId, Samples, TileAddress, TileReport, VehicleId};
 
-use super::super::desk::{Troubles, lock};
+use super::super::mailbox::{Troubles, lock};
 use crate::ground::imager::{Picture, Subject};
 use crate::store::StoreError;
 use crate::store::ground::{GroundStore, UtcOffset};

@@ -32,7 +32,7 @@ impl Kernel {
     /// Logs what every node holds at the end: all maps must be one, and every sample made must be stored.
     pub(super) fn log_holdings(&mut self) {
         for vehicle in 0..self.vehicles.len() {
-            let node = &self.vehicles[vehicle];
+            let node = &mut self.vehicles[vehicle];
             let (who, map) = (format!("vehicle {}", node.id()), map_hash(&node.map().digest()));
             let (samples, dropped) = (node.samples_made(RUN), node.dropped());
             let waits = node.mission().waits_for().map_or("drives on".to_owned(), |waits| waits.to_string());

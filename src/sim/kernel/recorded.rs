@@ -3,7 +3,7 @@
 use std::time::Duration;
 
 use super::{Kernel, NodeId, Time};
-use crate::actor::Fault;
+use crate::actor::{ActorStep, Fault};
 use crate::node::VehicleNode;
 use crate::sim::entry::Entry;
 
@@ -30,11 +30,13 @@ impl Kernel {
 
     /// Hands out what the actors have done since the last time.
     pub(super) fn hand_out(&mut self, recording: &mut Recording<'_>) -> Result<(), Fault> {
+        let mut hand_out = |node: NodeId, steps: Vec<ActorStep>| {
+            steps.into_iter().for_each(|step| (recording.record)(Entry::Step(node, step)));
+        };
         for vehicle in &mut self.vehicles {
-            let id = vehicle.id();
-            vehicle.acted().into_iter().for_each(|acted| (recording.record)(Entry::Vehicle(id, acted)));
+            hand_out(NodeId::Vehicle(vehicle.id()), vehicle.steps());
         }
-        self.ground.acted().into_iter().for_each(|acted| (recording.record)(Entry::Ground(acted)));
+        hand_out(NodeId::Ground, self.ground.steps());
         if self.now < recording.next_at {
             return Ok(());
         }
@@ -44,7 +46,7 @@ impl Kernel {
             reason: error.to_string(),
         };
         let now = self.now;
-        for vehicle in &self.vehicles {
+        for vehicle in &mut self.vehicles {
             let (node, snapshots) = (NodeId::Vehicle(vehicle.id()), vehicle.snapshots().map_err(unwritable)?);
             (recording.record)(Entry::Segment { node, now, snapshots });
         }

@@ -8,16 +8,16 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
+use super::actors;
 use super::folder;
 use super::message::{self, MessageError};
 use super::schema::Schema;
 use super::segment::{Segment, WriteError};
 use super::view::{Shown, View};
 use super::{FORMAT, VERSION};
-use crate::actor::Snapshot;
+use crate::actor::{ActorStep, Snapshot};
 use crate::geom::Lattice;
 use crate::time::Time;
-use crate::{ground, node};
 
 /// What a recording is of.
 #[derive(Clone, Debug)]
@@ -48,15 +48,6 @@ impl Default for Limits {
     fn default() -> Limits {
         Limits { cap_bytes: 512 << 20, segment_bytes: 32 << 20, segment: Duration::from_secs(300) }
     }
-}
-
-/// What an actor did.
-#[derive(Clone, Debug)]
-pub enum Deed {
-    /// One of a vehicle's.
-    Vehicle(node::Acted),
-    /// One of the ground station's.
-    Ground(ground::Acted),
 }
 
 /// A recording that is being written.
@@ -129,17 +120,12 @@ impl Flight {
     ///
     /// # Errors
     /// As for [`Flight::snapshot`].
-    pub fn step(&mut self, number: u64, deed: &Deed) -> Result<(), WriteError> {
+    pub fn step(&mut self, number: u64, step: &ActorStep) -> Result<(), WriteError> {
         let Some(segment) = self.open.get_mut(&number) else { return Ok(()) };
-        let (actor, now, text, shown) = match deed {
-            Deed::Vehicle(acted) => {
-                (acted.actor(), acted.now(), of_vehicle(acted), self.view.of_vehicle(acted))
-            }
-            Deed::Ground(acted) => (acted.actor(), acted.now(), of_ground(acted), self.view.of_ground(acted)),
-        };
-        let text = written(segment, text)?;
-        segment.message(&format!("/{}/{actor}/step", self.about.node), Schema::Step, now, &text)?;
-        for Shown { topic, schema, value } in shown {
+        let (node, now) = (&self.about.node, step.now);
+        let text = written(segment, actors::json(node, step))?;
+        segment.message(&format!("/{node}/{}/step", step.actor), Schema::Step, now, &text)?;
+        for Shown { topic, schema, value } in self.view.of(step) {
             segment.message(&topic, schema, now, &value.to_string())?;
         }
         Ok(())
@@ -183,23 +169,4 @@ impl Flight {
 
 fn written(segment: &Segment, text: Result<String, MessageError>) -> Result<String, WriteError> {
     text.map_err(|error| WriteError::at(segment.path(), error))
-}
-
-fn of_vehicle(acted: &node::Acted) -> Result<String, MessageError> {
-    match acted {
-        node::Acted::Vehicle(step) => message::of_step(step),
-        node::Acted::Sensor(step) => message::of_step(step),
-        node::Acted::Map(step) => message::of_step(step),
-        node::Acted::Mission(step) => message::of_step(step),
-        node::Acted::Radio(step) => message::of_step(step),
-        node::Acted::Outbox(step) => message::of_step(step),
-    }
-}
-
-fn of_ground(acted: &ground::Acted) -> Result<String, MessageError> {
-    match acted {
-        ground::Acted::Station(step) => message::of_step(step),
-        ground::Acted::Planner(step) => message::of_step(step),
-        ground::Acted::Imager(step) => message::of_step(step),
-    }
 }

@@ -21,6 +21,9 @@ pub enum MessageError {
     /// Packed bytes cannot be read.
     #[error("packed bytes cannot be read by this version: {0}")]
     Packed(String),
+    /// It is of an actor that no such node has.
+    #[error("there is no actor {0}")]
+    NoActor(String),
 }
 
 /// Gives a step as JSON.

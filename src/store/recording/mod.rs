@@ -21,6 +21,7 @@
 //!
 //! Log and publish times are the node's: nanoseconds since it started. Snapshots are read by the same version only.
 
+mod actors;
 mod base64;
 mod flight;
 mod folder;
@@ -32,7 +33,7 @@ mod schema;
 mod segment;
 mod view;
 
-pub use flight::{About, Deed, Flight, Limits};
+pub use flight::{About, Flight, Limits};
 pub use reader::{Found, ReadError, Reader};
 pub use recorder::{Recorder, Scribe};
 pub use replay::{Difference, ReplayError, Replayed, Verdict, replay};

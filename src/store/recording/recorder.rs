@@ -17,9 +17,9 @@ use std::time::{Duration, Instant};
 
 use serde::Serialize;
 
-use super::flight::{About, Deed, Flight, Limits};
+use super::flight::{About, Flight, Limits};
 use super::segment::WriteError;
-use crate::actor::Snapshot;
+use crate::actor::{ActorStep, Snapshot};
 use crate::time::Time;
 
 /// Steps and snapshots that may wait to be written.
@@ -53,7 +53,7 @@ impl Shared {
 /// What is handed to the writing thread, with the number of its segment.
 enum Sent {
     Snapshot(u64, Time, Snapshot),
-    Step(u64, Box<Deed>),
+    Step(u64, ActorStep),
 }
 
 /// A recorder at work; dropped, it ends its files in order.
@@ -123,7 +123,7 @@ pub struct Scribe {
 
 impl Scribe {
     /// Hands in the actor's snapshot when a segment has begun since the last time. To be called before every
-    /// [`crate::actor::Seat::act_watched`]; tells whether its steps are to be watched.
+    /// [`crate::actor::ActorCell::act_watched`]; tells whether its steps are to be watched.
     pub fn prepare<A: Serialize>(&mut self, now: Time, name: &'static str, actor: &A) -> bool {
         let newest = self.shared.segment.load(Ordering::Acquire);
         if newest == NONE || newest == self.broken {
@@ -139,9 +139,9 @@ impl Scribe {
     }
 
     /// Hands in what the actor did.
-    pub fn step(&mut self, deed: Deed) {
+    pub fn step(&mut self, step: ActorStep) {
         if self.segment != self.broken {
-            self.send(Sent::Step(self.segment, Box::new(deed)));
+            self.send(Sent::Step(self.segment, step));
         }
     }
 
@@ -222,16 +222,13 @@ impl Writing {
     fn write(&mut self, sent: &Sent) -> Result<(), WriteError> {
         let now = match sent {
             Sent::Snapshot(_, now, _) => *now,
-            Sent::Step(_, deed) => match &**deed {
-                Deed::Vehicle(acted) => acted.now(),
-                Deed::Ground(acted) => acted.now(),
-            },
+            Sent::Step(_, step) => step.now,
         };
         self.now = self.now.max(now);
         let Some(flight) = &mut self.flight else { return Ok(()) };
         match sent {
             Sent::Snapshot(number, now, snapshot) => flight.snapshot(*number, *now, snapshot),
-            Sent::Step(number, deed) => flight.step(*number, deed),
+            Sent::Step(number, step) => flight.step(*number, step),
         }
     }
 
@@ -254,7 +251,7 @@ mod tests {
     use super::*;
     use crate::actor::{Cause, Step};
     use crate::geom::Lattice;
-    use crate::node::{Acted, radio};
+    use crate::node::radio::{self, Radio};
     use std::path::Path;
 
     fn about() -> About {
@@ -262,11 +259,10 @@ mod tests {
         About { node: "vehicle/1".to_owned(), settings, lattice: Lattice::new(0.2), utc_at_zero_ns: None }
     }
 
-    fn deed(number: u64) -> Deed {
+    fn step(number: u64) -> ActorStep {
         let cause = Cause::Told(radio::In::Measure(None));
-        let step: Step<radio::In, radio::Out> =
-            Step { now: Time::from_nanos(number), cause, said: Vec::new(), fault: None };
-        Deed::Vehicle(Acted::Radio(step))
+        let step = Step { now: Time::from_nanos(number), cause, said: Vec::new(), fault: None };
+        ActorStep::new::<Radio>("radio", step)
     }
 
     /// What stands in a segment: the ends of the topics, in order, and how the file ends.
@@ -300,7 +296,7 @@ mod tests {
         let recorder = Recorder::start(folder.path().to_owned(), about(), Limits::default());
         let mut scribe = recorder.scribe();
         assert!(scribe.prepare(Time::ZERO, "radio", &7_u32));
-        (1..=100).for_each(|number| scribe.step(deed(number)));
+        (1..=100).for_each(|number| scribe.step(step(number)));
         wait_until(|| read(folder.path(), 1).0.len() == 3 + 100);
         assert!(matches!(read(folder.path(), 1).1, Some(ReadError::Truncated { .. })), "as after a kill");
         drop(recorder);
@@ -319,10 +315,10 @@ mod tests {
         let recorder = Recorder::with_queue(folder.path().to_owned(), about(), Limits::default(), 8);
         let mut scribe = recorder.scribe();
         assert!(scribe.prepare(Time::ZERO, "radio", &7_u32));
-        (1..=20_000).for_each(|number| scribe.step(deed(number)));
+        (1..=20_000).for_each(|number| scribe.step(step(number)));
         assert!(!scribe.prepare(Time::ZERO, "radio", &7_u32), "nothing more of it in a broken segment");
         wait_until(|| scribe.prepare(Time::ZERO, "radio", &8_u32));
-        scribe.step(deed(20_001));
+        scribe.step(step(20_001));
         drop(recorder);
         let (first, second) = (read(folder.path(), 1).0, read(folder.path(), 2).0);
         assert_eq!(first.last().unwrap(), "gap");
@@ -346,7 +342,7 @@ mod tests {
         let mut flight = Flight::new(folder.path(), about(), limits);
         let mut segment = flight.begin(Time::ZERO, None).unwrap();
         for number in 0..4000 {
-            flight.step(segment, &deed(number)).unwrap();
+            flight.step(segment, &step(number)).unwrap();
             if number % 50 == 0 && flight.flush(Time::from_nanos(number)).unwrap() {
                 segment = flight.begin(Time::from_nanos(number), None).unwrap();
             }

@@ -9,12 +9,14 @@ use tomoswarm_proto::{Message, State, TileReport, VehicleId};
 
 use super::base64;
 use super::schema::Schema;
-use crate::actor::{Cause, Step};
+use crate::actor::{ActorStep, Cause, Step};
 use crate::geom::{Cell, Lattice, Point};
-use crate::ground::imager::{Picture, Subject};
-use crate::ground::{self, station};
+use crate::ground::imager::{Imager, Picture, Subject};
+use crate::ground::station::{self, Station};
 use crate::map::Merged;
-use crate::node::{self, map, mission, vehicle};
+use crate::node::map::{self, Map};
+use crate::node::mission::{self, Mission};
+use crate::node::vehicle::{self, Vehicle};
 use crate::time::Time;
 
 /// The frame of all poses: the venue's axes, metres.
@@ -59,46 +61,33 @@ impl View {
         }
     }
 
-    /// Gives what is to be seen of a step of a vehicle.
-    pub fn of_vehicle(&mut self, acted: &node::Acted) -> Vec<Shown> {
-        match acted {
-            node::Acted::Vehicle(step) => step
-                .said
-                .iter()
-                .filter_map(|out| self.vehicle(step.now, out))
-                .chain(self.fault(step))
-                .collect(),
-            node::Acted::Mission(step) => step
-                .said
-                .iter()
-                .filter_map(|out| self.mission(step.now, out))
-                .chain(self.fault(step))
-                .collect(),
-            node::Acted::Map(step) => {
-                for out in &step.said {
-                    match out {
-                        map::Out::Tiles(tiles) => tiles.iter().for_each(|tile| self.learn(tile)),
-                        map::Out::Publish(_) => {}
-                    }
-                }
-                self.map(step.now).into_iter().chain(self.fault(step)).collect()
-            }
-            node::Acted::Sensor(step) => self.fault(step).into_iter().collect(),
-            node::Acted::Radio(step) => self.fault(step).into_iter().collect(),
-            node::Acted::Outbox(step) => self.fault(step).into_iter().collect(),
+    /// Returns what is to be seen of a step of an actor; of most there is nothing but a fault.
+    pub fn of(&mut self, step: &ActorStep) -> Vec<Shown> {
+        let now = step.now;
+        let mut shown = Vec::new();
+        if let Some(Step { said, .. }) = step.of::<Vehicle>() {
+            shown.extend(said.iter().filter_map(|out| self.vehicle(now, out)));
+        } else if let Some(Step { said, .. }) = step.of::<Mission>() {
+            shown.extend(said.iter().filter_map(|out| self.mission(now, out)));
+        } else if let Some(Step { said, .. }) = step.of::<Map>() {
+            shown.extend(self.tiles(now, said));
+        } else if let Some(step) = step.of::<Station>() {
+            shown.extend(self.station(step));
+        } else if let Some(Step { said, .. }) = step.of::<Imager>() {
+            shown.extend(said.iter().filter_map(|picture| self.picture(now, picture)));
         }
+        shown.extend(step.fault.as_ref().map(|fault| self.log(now, ERROR, "fault", fault)));
+        shown
     }
 
-    /// Gives what is to be seen of a step of the ground station.
-    pub fn of_ground(&mut self, acted: &ground::Acted) -> Vec<Shown> {
-        match acted {
-            ground::Acted::Station(step) => self.station(step),
-            ground::Acted::Imager(step) => {
-                let pictures = step.said.iter().filter_map(|picture| self.picture(step.now, picture));
-                pictures.chain(self.fault(step)).collect()
+    fn tiles(&mut self, now: Time, said: &[map::Out]) -> Option<Shown> {
+        for out in said {
+            match out {
+                map::Out::Tiles(tiles) => tiles.iter().for_each(|tile| self.learn(tile)),
+                map::Out::Publish(_) => {}
             }
-            ground::Acted::Planner(step) => self.fault(step).into_iter().collect(),
         }
+        self.map(now)
     }
 
     fn vehicle(&self, now: Time, out: &vehicle::Out) -> Option<Shown> {
@@ -150,7 +139,6 @@ impl View {
             }
         }
         shown.extend(self.map(step.now));
-        shown.extend(self.fault(step));
         shown
     }
 
@@ -203,10 +191,6 @@ impl View {
         let (corner, columns) = (grid.area.min, grid.columns);
         let grid = Grid { corner, cell_m, columns, field: ("db_per_m", FLOAT32, 4), bytes };
         Some(self.shown(topic, Schema::Grid, grid.json(now)))
-    }
-
-    fn fault<I, O>(&self, step: &Step<I, O>) -> Option<Shown> {
-        step.fault.as_ref().map(|fault| self.log(step.now, ERROR, "fault", fault))
     }
 
     fn log(&self, now: Time, level: u8, name: &str, message: &str) -> Shown {

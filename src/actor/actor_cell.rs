@@ -9,7 +9,7 @@ const INBOX: usize = 256;
 
 /// An actor with what it has not read yet.
 #[derive(Debug)]
-pub struct Seat<A: Actor> {
+pub struct ActorCell<A: Actor> {
     actor: A,
     inbox: Inbox<A::In>,
     said: Vec<A::Out>,
@@ -17,13 +17,13 @@ pub struct Seat<A: Actor> {
     latest: Time,
 }
 
-impl<A: Actor> Seat<A>
+impl<A: Actor> ActorCell<A>
 where
     A::In: Input,
 {
-    /// Seats an actor behind an empty inbox.
-    pub fn new(actor: A) -> Seat<A> {
-        Seat { actor, inbox: Inbox::new(INBOX), said: Vec::new(), latest: Time::ZERO }
+    /// Puts an actor behind an empty inbox.
+    pub fn new(actor: A) -> ActorCell<A> {
+        ActorCell { actor, inbox: Inbox::new(INBOX), said: Vec::new(), latest: Time::ZERO }
     }
 
     /// Gives the actor.
@@ -58,11 +58,11 @@ where
         self.act_watched(now, None::<fn(Step<A::In, A::Out>)>, hand_on)
     }
 
-    /// Acts as [`Seat::act`] does, and shows every step before what was said in it is handed on; the step that ended
+    /// Acts as [`ActorCell::act`] does, and shows every step before what was said in it is handed on; the step that ended
     /// in a fault as well. Nothing is cloned when nobody watches.
     ///
     /// # Errors
-    /// As for [`Seat::act`].
+    /// As for [`ActorCell::act`].
     pub fn act_watched(
         &mut self,
         now: Time,
@@ -131,13 +131,13 @@ mod tests {
 
     #[test]
     fn a_due_deadline_goes_before_the_inbox() {
-        let mut seat = Seat::new(Clock(Time::from_secs_f64(1.0)));
-        seat.push(1);
-        seat.push(2);
+        let mut cell = ActorCell::new(Clock(Time::from_secs_f64(1.0)));
+        cell.push(1);
+        cell.push(2);
         let mut said = Vec::new();
-        seat.act(Time::from_secs_f64(0.5), |out| said.push(out)).unwrap();
-        seat.push(3);
-        seat.act(Time::from_secs_f64(1.0), |out| said.push(out)).unwrap();
+        cell.act(Time::from_secs_f64(0.5), |out| said.push(out)).unwrap();
+        cell.push(3);
+        cell.act(Time::from_secs_f64(1.0), |out| said.push(out)).unwrap();
         assert_eq!(said, ["told 1", "told 2", "tick", "told 3"]);
     }
 
@@ -160,29 +160,29 @@ mod tests {
 
     #[test]
     fn an_actor_woken_in_vain_is_a_fault_and_no_endless_loop() {
-        let mut seat = Seat::new(Stuck);
-        assert_eq!(seat.act(Time::ZERO, |()| {}), Ok(()));
-        let fault = seat.act(Time::from_secs_f64(2.0), |()| {}).unwrap_err();
+        let mut cell = ActorCell::new(Stuck);
+        assert_eq!(cell.act(Time::ZERO, |()| {}), Ok(()));
+        let fault = cell.act(Time::from_secs_f64(2.0), |()| {}).unwrap_err();
         assert_eq!(fault.to_string(), "Stuck cannot go on: woken in vain at 2.000 s: tick is still due");
     }
 
     #[test]
     fn time_that_goes_back_is_a_fault() {
-        let mut seat = Seat::new(Clock(Time::from_secs_f64(9.0)));
-        seat.act(Time::from_secs_f64(2.0), |_| {}).unwrap();
-        seat.act(Time::from_secs_f64(2.0), |_| {}).unwrap();
-        let fault = seat.act(Time::from_secs_f64(1.0), |_| {}).unwrap_err();
+        let mut cell = ActorCell::new(Clock(Time::from_secs_f64(9.0)));
+        cell.act(Time::from_secs_f64(2.0), |_| {}).unwrap();
+        cell.act(Time::from_secs_f64(2.0), |_| {}).unwrap();
+        let fault = cell.act(Time::from_secs_f64(1.0), |_| {}).unwrap_err();
         assert_eq!(fault.reason, "time went back from 2.000 to 1.000 s");
     }
 
     #[test]
     fn a_watcher_sees_every_step_before_it_is_handed_on() {
-        let mut seat = Seat::new(Clock(Time::from_secs_f64(1.0)));
-        seat.push(7);
+        let mut cell = ActorCell::new(Clock(Time::from_secs_f64(1.0)));
+        cell.push(7);
         let order = std::cell::RefCell::new(Vec::new());
         let watch =
             |step: Step<u32, String>| order.borrow_mut().push(format!("{:?} {:?}", step.cause, step.said));
-        seat.act_watched(Time::from_secs_f64(1.0), Some(watch), |said| order.borrow_mut().push(said))
+        cell.act_watched(Time::from_secs_f64(1.0), Some(watch), |said| order.borrow_mut().push(said))
             .unwrap();
         let expected = [r#"Woken("tick") ["tick"]"#, "tick", r#"Told(7) ["told 7"]"#, "told 7"];
         assert_eq!(order.into_inner(), expected);
@@ -190,9 +190,9 @@ mod tests {
 
     #[test]
     fn a_watcher_sees_the_fault() {
-        let mut seat = Seat::new(Stuck);
+        let mut cell = ActorCell::new(Stuck);
         let mut seen = Vec::new();
-        seat.act_watched(Time::from_secs_f64(2.0), Some(|step: Step<u32, ()>| seen.push(step)), |()| {})
+        cell.act_watched(Time::from_secs_f64(2.0), Some(|step: Step<u32, ()>| seen.push(step)), |()| {})
             .unwrap_err();
         assert!(seen[0].fault.as_ref().unwrap().contains("in vain") && seen.len() == 1);
     }

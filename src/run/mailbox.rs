@@ -1,17 +1,16 @@
 //! An actor's place in a live process: its inbox, which anyone may put inputs into without waiting, and the thread that
 //! lets it act.
 //!
-//! The thread sleeps until something is unread or the actor's deadline has come. At a *shared* desk whoever tells the actor
-//! something lets it act at once, on its own thread, when nobody else does: waking a thread takes longer than joining a
-//! tile. It keeps the actor contract by
-//! [`Seat`], as the simulator does. What the actor says goes to the closure that the process gives; nothing here knows who
-//! hears whom.
+//! The thread sleeps until something is unread or the actor's deadline has come. At a *shared* mailbox whoever tells the
+//! actor something lets it act at once, on its own thread, when nobody else does: waking a thread takes longer than joining
+//! a tile. It keeps the actor contract by [`ActorCell`], as the simulator does. What the actor says goes to a closure;
+//! nothing here knows who hears whom.
 //!
 //! ```text
-//!   tell ─► inbox ─► thread: seat.act(now) ─► say(out)
+//!   tell ─► inbox ─► thread: cell.act(now) ─► output
 //!                      │ fault or panic
-//!                      ├─ leaf: a fresh actor after 1, 2, 4 s; then it stays down, and that is a trouble
-//!                      └─ vital: the process is told to end in order
+//!                      ├─ restart: a fresh actor after 1, 2, 4 s; then it stays down, and that is a trouble
+//!                      └─ stop node: the process is told to end in order
 //! ```
 
 use std::collections::BTreeMap;
@@ -23,26 +22,15 @@ use std::thread::JoinHandle;
 use std::time::Duration;
 
 use super::clock::Clock;
-use serde::Serialize;
-
-use crate::actor::{Actor, Fault, Inbox, Input, Seat, Step};
+use crate::actor::{Actor, ActorCell, ActorStep, Fault, Inbox, Input, NodeActor, RestartPolicy};
 use crate::exchange::restarts::Restarts;
-use crate::store::recording::{Deed, Recorder, Scribe};
+use crate::store::recording::Scribe;
 use crate::time::Time;
 
 /// Inputs of the queue class that may wait.
 const INBOX: usize = 256;
 /// A thread that has nothing to do looks up this often all the same.
 const IDLE: Duration = Duration::from_secs(5);
-
-/// What happens when an actor fails.
-#[derive(Clone, Copy, PartialEq, Eq, Debug)]
-pub enum Post {
-    /// It begins anew; others go on meanwhile.
-    Leaf,
-    /// The process ends in order, and is started anew from outside.
-    Vital,
-}
 
 /// What is wrong in a process, by who says it; shown to the operator.
 #[derive(Clone, Debug, Default)]
@@ -73,7 +61,7 @@ impl Troubles {
 }
 
 /// The inbox of an actor, shared between its thread and everyone who tells it something.
-pub struct Desk<I: Input> {
+pub struct Mailbox<I: Input> {
     name: &'static str,
     unread: Arc<Unread<I>>,
 }
@@ -82,7 +70,7 @@ pub struct Desk<I: Input> {
 type Help = Arc<dyn Fn() + Send + Sync>;
 
 struct Unread<I> {
-    tray: Mutex<Tray<I>>,
+    state: Mutex<MailboxState<I>>,
     come: Condvar,
     /// Since when the actor acts, nanoseconds + 1; 0 = it waits.
     busy_since: AtomicU64,
@@ -93,47 +81,47 @@ struct Unread<I> {
     help: RwLock<Option<Help>>,
 }
 
-struct Tray<I> {
+struct MailboxState<I> {
     inbox: Inbox<I>,
     is_closed: bool,
     /// Why the actor cannot go on.
     fault: Option<Fault>,
 }
 
-impl<I: Input> Clone for Desk<I> {
-    fn clone(&self) -> Desk<I> {
-        Desk { name: self.name, unread: self.unread.clone() }
+impl<I: Input> Clone for Mailbox<I> {
+    fn clone(&self) -> Mailbox<I> {
+        Mailbox { name: self.name, unread: self.unread.clone() }
     }
 }
 
-impl<I: Input> Desk<I> {
-    /// Sets up a desk at which nobody sits yet; its actor acts on a thread of its own.
-    pub fn new(name: &'static str) -> Desk<I> {
-        Desk::set_up(name, false)
+impl<I: Input> Mailbox<I> {
+    /// Sets up a mailbox that nobody reads yet; its actor acts on a thread of its own.
+    pub fn new(name: &'static str) -> Mailbox<I> {
+        Mailbox::set_up(name, false)
     }
 
-    /// Sets up a desk whose actor also acts on the thread of whoever tells it something, when it is at rest: that saves
+    /// Sets up a mailbox whose actor also acts on the thread of whoever tells it something, when it is at rest: that saves
     /// the time of waking a thread. Only for an actor that is never busy for long.
-    pub fn shared(name: &'static str) -> Desk<I> {
-        Desk::set_up(name, true)
+    pub fn shared(name: &'static str) -> Mailbox<I> {
+        Mailbox::set_up(name, true)
     }
 
-    fn set_up(name: &'static str, is_shared: bool) -> Desk<I> {
-        let tray = Mutex::new(Tray { inbox: Inbox::new(INBOX), is_closed: false, fault: None });
+    fn set_up(name: &'static str, is_shared: bool) -> Mailbox<I> {
+        let state = Mutex::new(MailboxState { inbox: Inbox::new(INBOX), is_closed: false, fault: None });
         let unread = Unread {
-            tray,
+            state,
             come: Condvar::new(),
             busy_since: AtomicU64::new(0),
             deadline: AtomicU64::new(u64::MAX),
             is_shared,
             help: RwLock::new(None),
         };
-        Desk { name, unread: Arc::new(unread) }
+        Mailbox { name, unread: Arc::new(unread) }
     }
 
     /// Puts an input into the inbox; never waits for the actor.
     pub fn tell(&self, input: I) {
-        lock(&self.unread.tray).inbox.push(input);
+        lock(&self.unread.state).inbox.push(input);
         let help = self.unread.help.read().unwrap_or_else(PoisonError::into_inner).clone();
         match help {
             Some(help) => help(),
@@ -143,12 +131,12 @@ impl<I: Input> Desk<I> {
 
     /// Tells how many inputs were dropped unread.
     pub fn dropped(&self) -> u64 {
-        lock(&self.unread.tray).inbox.dropped()
+        lock(&self.unread.state).inbox.dropped()
     }
 
-    /// Sends the actor home: its thread ends after what it does now.
+    /// Ends the actor: its thread ends after what it does now.
     pub fn close(&self) {
-        lock(&self.unread.tray).is_closed = true;
+        lock(&self.unread.state).is_closed = true;
         *self.unread.help.write().unwrap_or_else(PoisonError::into_inner) = None;
         self.unread.come.notify_all();
     }
@@ -163,57 +151,57 @@ impl<I: Input> Desk<I> {
 
     /// Waits until something is unread, the actor's deadline has come, or it cannot go on; false = closed.
     fn wait(&self, clock: Clock) -> bool {
-        let mut tray = lock(&self.unread.tray);
+        let mut state = lock(&self.unread.state);
         loop {
             let until = Time::from_nanos(self.unread.deadline.load(Ordering::Relaxed));
             let now = clock.now();
-            if tray.is_closed || tray.fault.is_some() || !tray.inbox.is_empty() || until <= now {
-                return !tray.is_closed;
+            if state.is_closed || state.fault.is_some() || !state.inbox.is_empty() || until <= now {
+                return !state.is_closed;
             }
             let wait = until.since(now).min(IDLE);
-            tray = self.unread.come.wait_timeout(tray, wait).unwrap_or_else(PoisonError::into_inner).0;
+            state = self.unread.come.wait_timeout(state, wait).unwrap_or_else(PoisonError::into_inner).0;
         }
     }
 
-    /// Waits so long, or until the desk is closed; gives whether it is still open.
+    /// Waits so long, or until the mailbox is closed; gives whether it is still open.
     fn pause(&self, clock: Clock, span: Duration) -> bool {
         let until = clock.now() + span;
-        let mut tray = lock(&self.unread.tray);
-        while !tray.is_closed && clock.now() < until {
+        let mut state = lock(&self.unread.state);
+        while !state.is_closed && clock.now() < until {
             let wait = until.since(clock.now());
-            tray = self.unread.come.wait_timeout(tray, wait).unwrap_or_else(PoisonError::into_inner).0;
+            state = self.unread.come.wait_timeout(state, wait).unwrap_or_else(PoisonError::into_inner).0;
         }
-        !tray.is_closed
+        !state.is_closed
     }
 
     fn take(&self) -> Vec<I> {
-        let mut tray = lock(&self.unread.tray);
-        std::iter::from_fn(|| tray.inbox.pop()).collect()
+        let mut state = lock(&self.unread.state);
+        std::iter::from_fn(|| state.inbox.pop()).collect()
     }
 
     fn is_empty(&self) -> bool {
-        lock(&self.unread.tray).inbox.is_empty()
+        lock(&self.unread.state).inbox.is_empty()
     }
 
     /// Sets when the actor is to be woken; its thread hears of it when that is sooner than it knew.
     fn set_deadline(&self, at: Option<Time>) {
         let at = at.map_or(u64::MAX, Time::as_nanos);
         if at < self.unread.deadline.swap(at, Ordering::Relaxed) {
-            // With the tray locked the thread is either before its look at the deadline, or waits already.
-            let _tray = lock(&self.unread.tray);
+            // With the state locked the thread is either before its look at the deadline, or waits already.
+            let _tray = lock(&self.unread.state);
             self.unread.come.notify_one();
         }
     }
 
     fn fail(&self, fault: Fault) {
-        lock(&self.unread.tray).fault = Some(fault);
+        lock(&self.unread.state).fault = Some(fault);
         self.unread.come.notify_all();
     }
 }
 
 /// What all threads of a process share.
 #[derive(Clone)]
-pub struct Office {
+pub struct RuntimeContext {
     /// The process's clock.
     pub clock: Clock,
     /// What is wrong.
@@ -231,58 +219,41 @@ pub enum Ending {
     Refused(String),
 }
 
-/// How the steps of an actor are written down.
-pub struct Record<A: Actor> {
-    /// Who writes them.
-    pub scribe: Scribe,
-    /// Names whose steps they are.
-    pub deed: fn(Step<A::In, A::Out>) -> Deed,
-}
-
-impl<A: Actor> Record<A> {
-    /// Has the steps written down by a recorder, if there is one.
-    pub fn by(recorder: Option<&Recorder>, deed: fn(Step<A::In, A::Out>) -> Deed) -> Option<Record<A>> {
-        recorder.map(|recorder| Record { scribe: recorder.scribe(), deed })
-    }
-}
-
-/// Seats an actor at a desk, on a thread of its own. `make` gives a fresh actor at the start and after a fault;
-/// `say` takes what it says; `record` writes down what it does.
+/// Starts an actor behind a mailbox, on a thread of its own. `make` makes it at the start and again after a fault;
+/// `output` takes what it says; what it does is written down where there is a scribe.
 ///
 /// # Errors
 /// The machine has no thread to give.
-pub fn seat<A, M, S>(
-    office: &Office,
-    desk: &Desk<A::In>,
-    post: Post,
-    record: Option<Record<A>>,
+pub fn start_actor<A, M, S>(
+    context: &RuntimeContext,
+    mailbox: &Mailbox<A::In>,
+    policy: RestartPolicy,
+    scribe: Option<Scribe>,
     make: M,
-    say: S,
+    output: S,
 ) -> std::io::Result<JoinHandle<()>>
 where
-    A: Actor + Serialize + Send + 'static,
-    A::In: Input + Clone + Send + 'static,
-    A::Out: Clone + Send + 'static,
-    M: FnMut() -> Result<A, Fault> + Send + 'static,
+    A: NodeActor,
+    M: FnMut() -> A + Send + 'static,
     S: FnMut(A::Out) + Send + 'static,
 {
-    let at_work = Mutex::new(Work { seat: None, record, say });
-    let bench = Arc::new(Bench { office: office.clone(), desk: desk.clone(), at_work });
-    if desk.unread.is_shared {
-        let shared = bench.clone();
+    let at_work = Mutex::new(Work { cell: None, scribe, output });
+    let worker = Arc::new(Worker { context: context.clone(), mailbox: mailbox.clone(), at_work });
+    if mailbox.unread.is_shared {
+        let shared = worker.clone();
         let help: Help = Arc::new(move || shared.help());
-        *desk.unread.help.write().unwrap_or_else(PoisonError::into_inner) = Some(help);
+        *mailbox.unread.help.write().unwrap_or_else(PoisonError::into_inner) = Some(help);
     }
-    std::thread::Builder::new().name(desk.name.to_owned()).spawn(move || work(&bench, post, make))
+    std::thread::Builder::new().name(mailbox.name.to_owned()).spawn(move || work(&worker, policy, make))
 }
 
 /// An actor's place of work: who holds the lock lets it act.
-struct Bench<A: Actor, S>
+struct Worker<A: Actor, S>
 where
     A::In: Input,
 {
-    office: Office,
-    desk: Desk<A::In>,
+    context: RuntimeContext,
+    mailbox: Mailbox<A::In>,
     at_work: Mutex<Work<A, S>>,
 }
 
@@ -291,16 +262,14 @@ where
     A::In: Input,
 {
     /// `None` = it cannot go on, or has not begun yet.
-    seat: Option<Seat<A>>,
-    record: Option<Record<A>>,
-    say: S,
+    cell: Option<ActorCell<A>>,
+    scribe: Option<Scribe>,
+    output: S,
 }
 
-impl<A, S> Bench<A, S>
+impl<A, S> Worker<A, S>
 where
-    A: Actor + Serialize,
-    A::In: Input + Clone,
-    A::Out: Clone,
+    A: NodeActor,
     S: FnMut(A::Out),
 {
     /// Lets the actor act on the caller's thread, unless somebody else does so just now: who does looks again
@@ -308,12 +277,12 @@ where
     fn help(&self) {
         loop {
             let Ok(mut work) = self.at_work.try_lock() else { return };
-            if work.seat.is_none() {
+            if work.cell.is_none() {
                 return;
             }
             self.act(&mut work);
             drop(work);
-            if self.desk.is_empty() {
+            if self.mailbox.is_empty() {
                 return;
             }
         }
@@ -321,44 +290,41 @@ where
 
     /// Lets the actor act on all that is unread and due.
     fn act(&self, work: &mut Work<A, S>) {
-        let Work { seat: place, record, say } = work;
-        let Some(seat) = place else { return };
-        let (now, inputs) = (self.office.clock.now(), self.desk.take());
-        self.desk.unread.busy_since.store(now.as_nanos() + 1, Ordering::Relaxed);
-        let acted = catch_unwind(AssertUnwindSafe(|| {
-            inputs.into_iter().for_each(|input| seat.push(input));
-            let mut watched = record.as_mut();
-            watched.take_if(|record| !record.scribe.prepare(now, self.desk.name, seat.actor()));
-            match watched {
-                Some(Record { scribe, deed }) => {
-                    seat.act_watched(now, Some(|step| scribe.step(deed(step))), &mut *say)
-                }
-                None => seat.act(now, &mut *say),
-            }
+        let Work { cell: place, scribe, output } = work;
+        let Some(cell) = place else { return };
+        let (now, inputs) = (self.context.clock.now(), self.mailbox.take());
+        self.mailbox.unread.busy_since.store(now.as_nanos() + 1, Ordering::Relaxed);
+        let ended = catch_unwind(AssertUnwindSafe(|| {
+            inputs.into_iter().for_each(|input| cell.push(input));
+            let name = self.mailbox.name;
+            let mut watched = scribe.as_mut();
+            watched.take_if(|scribe| !scribe.prepare(now, name, cell.actor()));
+            let watch = watched.map(|scribe| |step| scribe.step(ActorStep::new::<A>(name, step)));
+            cell.act_watched(now, watch, &mut *output)
         }));
-        self.desk.unread.busy_since.store(0, Ordering::Relaxed);
-        let fault = match acted {
-            Ok(Ok(())) => return self.desk.set_deadline(seat.deadline().map(|deadline| deadline.at)),
+        self.mailbox.unread.busy_since.store(0, Ordering::Relaxed);
+        let fault = match ended {
+            Ok(Ok(())) => return self.mailbox.set_deadline(cell.deadline().map(|deadline| deadline.at)),
             Ok(Err(fault)) => fault,
-            Err(panic) => Fault { actor: self.desk.name, reason: words_of(panic.as_ref()) },
+            Err(panic) => Fault { actor: self.mailbox.name, reason: words_of(panic.as_ref()) },
         };
         *place = None;
-        record.iter_mut().for_each(|record| record.scribe.restarted());
-        self.desk.fail(fault);
+        scribe.iter_mut().for_each(Scribe::restarted);
+        self.mailbox.fail(fault);
     }
 
-    /// Seats an actor and lets it act until it cannot go on; `None` = it was sent home.
+    /// Lets an actor act until it cannot go on; `None` = its mailbox was closed.
     fn attend(&self, actor: A) -> Option<Fault> {
-        let seat = Seat::new(actor);
-        self.desk.set_deadline(seat.deadline().map(|deadline| deadline.at));
-        lock(&self.at_work).seat = Some(seat);
+        let cell = ActorCell::new(actor);
+        self.mailbox.set_deadline(cell.deadline().map(|deadline| deadline.at));
+        lock(&self.at_work).cell = Some(cell);
         loop {
-            if !self.desk.wait(self.office.clock) {
+            if !self.mailbox.wait(self.context.clock) {
                 return None;
             }
-            let fault = lock(&self.desk.unread.tray).fault.take();
+            let fault = lock(&self.mailbox.unread.state).fault.take();
             if fault.is_some() {
-                self.desk.set_deadline(None);
+                self.mailbox.set_deadline(None);
                 return fault;
             }
             self.act(&mut lock(&self.at_work));
@@ -366,39 +332,34 @@ where
     }
 }
 
-fn work<A, M, S>(bench: &Bench<A, S>, post: Post, mut make: M)
+fn work<A, M, S>(worker: &Worker<A, S>, policy: RestartPolicy, mut make: M)
 where
-    A: Actor + Serialize,
-    A::In: Input + Clone,
-    A::Out: Clone,
-    M: FnMut() -> Result<A, Fault>,
+    A: NodeActor,
+    M: FnMut() -> A,
     S: FnMut(A::Out),
 {
-    let (office, desk) = (&bench.office, &bench.desk);
+    let (context, mailbox) = (&worker.context, &worker.mailbox);
     let mut restarts = Restarts::default();
     loop {
-        let made = catch_unwind(AssertUnwindSafe(&mut make));
-        let made =
-            made.unwrap_or_else(|panic| Err(Fault { actor: desk.name, reason: words_of(panic.as_ref()) }));
-        let fault = match made {
-            Ok(actor) => bench.attend(actor),
-            Err(fault) => Some(fault),
+        let fault = match catch_unwind(AssertUnwindSafe(&mut make)) {
+            Ok(actor) => worker.attend(actor),
+            Err(panic) => Some(Fault { actor: mailbox.name, reason: words_of(panic.as_ref()) }),
         };
         let Some(fault) = fault else { return };
-        let wait = match post {
-            Post::Leaf => restarts.failed(office.clock.now()),
-            Post::Vital => None,
+        let wait = match policy {
+            RestartPolicy::Restart => restarts.failed(context.clock.now()),
+            RestartPolicy::StopNode => None,
         };
         let Some(wait) = wait else {
-            office.troubles.raise(desk.name, format!("stays down: {}", fault.reason));
-            if post == Post::Vital {
+            context.troubles.raise(mailbox.name, format!("stays down: {}", fault.reason));
+            if policy == RestartPolicy::StopNode {
                 // Nobody listens any more only when the process is ending already.
-                let _ = office.endings.send(Ending::Fault(fault));
+                let _ = context.endings.send(Ending::Fault(fault));
             }
             return;
         };
-        office.troubles.raise(desk.name, format!("begins anew: {}", fault.reason));
-        if !desk.pause(office.clock, wait) {
+        context.troubles.raise(mailbox.name, format!("begins anew: {}", fault.reason));
+        if !mailbox.pause(context.clock, wait) {
             return;
         }
     }
@@ -420,16 +381,17 @@ mod tests {
     use super::*;
     use crate::actor::Class;
     use crate::time::Deadline;
+    use serde::{Deserialize, Serialize};
     use std::sync::mpsc::{Receiver, channel};
 
     /// Repeats what it is told; 13 makes it panic, 7 is a fault.
-    #[derive(Serialize)]
+    #[derive(Serialize, Deserialize)]
     struct Echo {
         wakes: u32,
         next: Time,
     }
 
-    #[derive(Clone)]
+    #[derive(Clone, Serialize, Deserialize)]
     struct Told(u32);
 
     impl Input for Told {
@@ -460,78 +422,78 @@ mod tests {
         }
     }
 
-    fn seated(
-        post: Post,
+    fn started(
+        policy: RestartPolicy,
         wakes: u32,
-    ) -> (Desk<Told>, Receiver<u32>, Receiver<Ending>, Troubles, JoinHandle<()>) {
+    ) -> (Mailbox<Told>, Receiver<u32>, Receiver<Ending>, Troubles, JoinHandle<()>) {
         let (endings, failed) = channel();
         let (said, heard) = channel();
-        let office = Office { clock: Clock::start(), troubles: Troubles::default(), endings };
-        let desk = Desk::new("echo");
-        let make = move || Ok(Echo { wakes, next: Time::ZERO });
-        let say = move |out| said.send(out).unwrap_or_default();
-        let thread = seat(&office, &desk, post, None, make, say).unwrap();
-        (desk, heard, failed, office.troubles.clone(), thread)
+        let context = RuntimeContext { clock: Clock::start(), troubles: Troubles::default(), endings };
+        let mailbox = Mailbox::new("echo");
+        let make = move || Echo { wakes, next: Time::ZERO };
+        let output = move |out| said.send(out).unwrap_or_default();
+        let thread = start_actor(&context, &mailbox, policy, None, make, output).unwrap();
+        (mailbox, heard, failed, context.troubles.clone(), thread)
     }
 
     const SOON: Duration = Duration::from_secs(5);
 
     #[test]
     fn what_is_told_is_handled_and_deadlines_are_kept() {
-        let (desk, heard, _, _, thread) = seated(Post::Vital, 3);
-        desk.tell(Told(5));
+        let (mailbox, heard, _, _, thread) = started(RestartPolicy::StopNode, 3);
+        mailbox.tell(Told(5));
         let all: Vec<u32> = (0..4).map(|_| heard.recv_timeout(SOON).unwrap()).collect();
         assert_eq!(all.iter().filter(|out| **out == 1000).count(), 3);
         assert!(all.contains(&5));
-        desk.close();
+        mailbox.close();
         thread.join().unwrap();
     }
 
     #[test]
     fn a_leaf_that_panics_begins_anew_and_says_so() {
-        let (desk, heard, _, troubles, thread) = seated(Post::Leaf, 0);
-        desk.tell(Told(13));
+        let (mailbox, heard, _, troubles, thread) = started(RestartPolicy::Restart, 0);
+        mailbox.tell(Told(13));
         assert!(heard.recv_timeout(Duration::from_millis(500)).is_err(), "it waits a second first");
-        desk.tell(Told(3));
+        mailbox.tell(Told(3));
         assert_eq!(heard.recv_timeout(SOON), Ok(3));
         assert!(troubles.list()[0].contains("panicked: ") && troubles.list()[0].contains("thirteen"));
-        desk.close();
+        mailbox.close();
         thread.join().unwrap();
     }
 
     #[test]
     fn at_a_shared_desk_the_teller_lets_the_actor_act_and_nothing_is_lost() {
         let (endings, _ended) = channel();
-        let office = Office { clock: Clock::start(), troubles: Troubles::default(), endings };
-        let desk = Desk::shared("echo");
+        let context = RuntimeContext { clock: Clock::start(), troubles: Troubles::default(), endings };
+        let mailbox = Mailbox::shared("echo");
         let (said, heard) = channel();
-        let say = move |out| said.send((out, std::thread::current().id())).unwrap_or_default();
-        let thread =
-            seat(&office, &desk, Post::Vital, None, || Ok(Echo { wakes: 2, next: Time::ZERO }), say).unwrap();
+        let output = move |out| said.send((out, std::thread::current().id())).unwrap_or_default();
+        let make = || Echo { wakes: 2, next: Time::ZERO };
+        let thread = start_actor(&context, &mailbox, RestartPolicy::StopNode, None, make, output).unwrap();
         // The two wakes are the thread's.
         let own: Vec<_> = (0..2).map(|_| heard.recv_timeout(SOON).unwrap()).collect();
         assert!(own.iter().all(|(out, by)| *out == 1000 && *by == thread.thread().id()));
-        while desk.busy_for(office.clock.now()) > Duration::ZERO {}
+        while mailbox.busy_for(context.clock.now()) > Duration::ZERO {}
         std::thread::sleep(Duration::from_millis(20));
-        desk.tell(Told(1));
+        mailbox.tell(Told(1));
         assert_eq!(heard.recv_timeout(SOON), Ok((1, std::thread::current().id())));
         let tellers: Vec<_> = (0..4)
             .map(|_| {
-                let desk = desk.clone();
-                std::thread::spawn(move || (100..1100).for_each(|number| desk.tell(Told(number))))
+                let mailbox = mailbox.clone();
+                std::thread::spawn(move || (100..1100).for_each(|number| mailbox.tell(Told(number))))
             })
             .collect();
         tellers.into_iter().for_each(|teller| teller.join().unwrap());
         let counted = std::iter::from_fn(|| heard.recv_timeout(Duration::from_millis(300)).ok()).count();
-        assert_eq!(counted as u64 + desk.dropped(), 4000);
-        desk.close();
+        assert_eq!(counted as u64 + mailbox.dropped(), 4000);
+        mailbox.close();
         thread.join().unwrap();
     }
 
     #[test]
     fn a_vital_actor_that_fails_ends_the_process() {
-        let (desk, _, failed, _, thread) = seated(Post::Vital, 0);
-        desk.tell(Told(7));
+        let (mailbox, _, failed, _, thread) = started(RestartPolicy::StopNode, 0);
+        mailbox.tell(Told(7));
         let Ok(Ending::Fault(fault)) = failed.recv_timeout(SOON) else { panic!("no fault") };
         assert_eq!(fault.reason, "seven");
         thread.join().unwrap();

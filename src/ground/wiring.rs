@@ -1,0 +1,104 @@
+//! The three actors of the ground station and how they are wired, for every runtime; who hears whom says
+//! [`super::route`].
+//!
+//! Planner and imager may think for seconds; a fault of theirs is mended by a fresh one. A fault of the station ends the
+//! node: what it knows is in the store, and is read at the start.
+
+use super::from_config::GroundParts;
+use super::imager::Imager;
+use super::planner::Planner;
+use super::route::{Destination, Effect, Event, Output, route};
+use super::station::Station;
+use crate::actor::{ActingTime, Fill, Place, Recipient, RestartPolicy, Visitor, Wire, Wiring};
+
+/// How a ground station is wired.
+#[derive(Debug)]
+pub enum GroundWiring {}
+
+/// A place for each actor of the ground station.
+#[derive(Clone, Debug)]
+pub struct Actors<P: Place<GroundWiring>> {
+    pub(crate) station: P::Of<Station>,
+    pub(crate) planner: P::Of<Planner>,
+    pub(crate) imager: P::Of<Imager>,
+}
+
+/// What the actors are made from.
+#[derive(Debug)]
+pub struct Source {
+    /// What a station, a planner and an imager that begin are made from.
+    pub parts: GroundParts,
+    /// A station that goes on where an earlier one was; it is taken for the first one.
+    pub resumed: Option<Station>,
+}
+
+impl Source {
+    fn station(&mut self) -> Station {
+        self.resumed.take().unwrap_or_else(|| Station::new(self.parts.station.clone()))
+    }
+}
+
+impl Wiring for GroundWiring {
+    const KIND: &'static str = "ground";
+    type Source = Source;
+    type Event = Event;
+    type Effect = Effect;
+    type Output = Output;
+    type Destination = Destination;
+    type Actors<P: Place<Self>> = Actors<P>;
+
+    fn fill<P: Place<Self>>(fill: &mut impl Fill<Self, P>) -> Actors<P> {
+        Actors {
+            station: fill.actor(Wire {
+                name: "station",
+                restart: RestartPolicy::StopNode,
+                acting: ActingTime::Short,
+                make: Source::station,
+                output: Output::Station,
+            }),
+            planner: fill.actor(Wire {
+                name: "planner",
+                restart: RestartPolicy::Restart,
+                acting: ActingTime::Long,
+                make: |source| source.parts.planner.clone(),
+                output: Output::Planner,
+            }),
+            imager: fill.actor(Wire {
+                name: "imager",
+                restart: RestartPolicy::Restart,
+                acting: ActingTime::Long,
+                make: |source| source.parts.imager.clone(),
+                output: Output::Imager,
+            }),
+        }
+    }
+
+    fn visit<P: Place<Self>>(actors: &mut Actors<P>, visitor: &mut impl Visitor<Self, P>) {
+        // Taken apart, so that none can be forgotten.
+        let Actors { station, planner, imager } = actors;
+        visitor.actor::<Station>(station);
+        visitor.actor::<Planner>(planner);
+        visitor.actor::<Imager>(imager);
+    }
+
+    fn event(event: Event) -> Output {
+        Output::Edge(event)
+    }
+
+    fn route(output: Output, to: &mut Vec<Destination>) {
+        route(output, to);
+    }
+
+    fn deliver<P: Recipient<Self>>(
+        actors: &mut Actors<P>,
+        destination: Destination,
+        carry_out: &mut impl FnMut(Effect),
+    ) {
+        match destination {
+            Destination::Station(input) => P::tell::<Station>(&mut actors.station, input),
+            Destination::Planner(input) => P::tell::<Planner>(&mut actors.planner, input),
+            Destination::Imager(input) => P::tell::<Imager>(&mut actors.imager, input),
+            Destination::Edge(effect) => carry_out(effect),
+        }
+    }
+}

@@ -1,0 +1,134 @@
+//! The six actors of a vehicle and how they are wired, for every runtime; who hears whom says [`super::route`].
+//!
+//! A fault of the range sensor's actor is mended by a fresh one. A fault of any other ends the node, the radio's too: its
+//! samples are numbered, and a fresh one would count from the beginning under the same start.
+
+use super::Settings;
+use super::map::Map;
+use super::mission::Mission;
+use super::outbox::Outbox;
+use super::radio::Radio;
+use super::route::{Destination, Effect, Event, Output, route};
+use super::sensor::Sensor;
+use super::vehicle::Vehicle;
+use crate::actor::{ActingTime, Fill, Place, Recipient, RestartPolicy, Visitor, Wire, Wiring};
+
+/// How a vehicle is wired.
+#[derive(Debug)]
+pub enum VehicleWiring {}
+
+/// A place for each actor of a vehicle.
+#[derive(Clone, Debug)]
+pub struct Actors<P: Place<VehicleWiring>> {
+    pub(crate) vehicle: P::Of<Vehicle>,
+    pub(crate) sensor: P::Of<Sensor>,
+    pub(crate) map: P::Of<Map>,
+    pub(crate) mission: P::Of<Mission>,
+    pub(crate) radio: P::Of<Radio>,
+    pub(crate) outbox: P::Of<Outbox>,
+}
+
+impl Wiring for VehicleWiring {
+    const KIND: &'static str = "vehicle";
+    type Source = Settings;
+    type Event = Event;
+    type Effect = Effect;
+    type Output = Output;
+    type Destination = Destination;
+    type Actors<P: Place<Self>> = Actors<P>;
+
+    fn fill<P: Place<Self>>(fill: &mut impl Fill<Self, P>) -> Actors<P> {
+        Actors {
+            vehicle: fill.actor(Wire {
+                name: "vehicle",
+                restart: RestartPolicy::StopNode,
+                acting: ActingTime::Short,
+                make: |settings| Vehicle::new(settings.clone()),
+                output: Output::Vehicle,
+            }),
+            sensor: fill.actor(Wire {
+                name: "sensor",
+                restart: RestartPolicy::Restart,
+                acting: ActingTime::Short,
+                make: |settings| Sensor::new(settings.look.clone(), settings.safety.pose_sd_max_m),
+                output: Output::Sensor,
+            }),
+            map: fill.actor(Wire {
+                name: "map",
+                restart: RestartPolicy::StopNode,
+                acting: ActingTime::Instant,
+                make: |settings| Map::new(settings.clone()),
+                output: Output::Map,
+            }),
+            mission: fill.actor(Wire {
+                name: "mission",
+                restart: RestartPolicy::StopNode,
+                acting: ActingTime::Short,
+                make: |settings| Mission::new(settings.clone()),
+                output: Output::Mission,
+            }),
+            radio: fill.actor(Wire {
+                name: "radio",
+                restart: RestartPolicy::StopNode,
+                acting: ActingTime::Short,
+                make: |settings| Radio::new(settings.clone()),
+                output: Output::Radio,
+            }),
+            outbox: fill.actor(Wire {
+                name: "outbox",
+                restart: RestartPolicy::StopNode,
+                acting: ActingTime::Short,
+                make: |settings| Outbox::new(settings.vehicle),
+                output: Output::Outbox,
+            }),
+        }
+    }
+
+    fn visit<P: Place<Self>>(actors: &mut Actors<P>, visitor: &mut impl Visitor<Self, P>) {
+        // Taken apart, so that none can be forgotten.
+        let Actors { vehicle, sensor, map, mission, radio, outbox } = actors;
+        visitor.actor::<Vehicle>(vehicle);
+        visitor.actor::<Sensor>(sensor);
+        visitor.actor::<Map>(map);
+        visitor.actor::<Mission>(mission);
+        visitor.actor::<Radio>(radio);
+        visitor.actor::<Outbox>(outbox);
+    }
+
+    fn event(event: Event) -> Output {
+        Output::Edge(event)
+    }
+
+    fn route(output: Output, to: &mut Vec<Destination>) {
+        route(output, to);
+    }
+
+    fn deliver<P: Recipient<Self>>(
+        actors: &mut Actors<P>,
+        destination: Destination,
+        carry_out: &mut impl FnMut(Effect),
+    ) {
+        match destination {
+            Destination::Vehicle(input) => P::tell::<Vehicle>(&mut actors.vehicle, input),
+            Destination::Sensor(input) => P::tell::<Sensor>(&mut actors.sensor, input),
+            Destination::Map(input) => P::tell::<Map>(&mut actors.map, input),
+            Destination::Mission(input) => P::tell::<Mission>(&mut actors.mission, input),
+            Destination::Radio(input) => P::tell::<Radio>(&mut actors.radio, input),
+            Destination::Outbox(input) => P::tell::<Outbox>(&mut actors.outbox, input),
+            Destination::Edge(effect) => carry_out(effect),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::node::VehicleNode;
+    use crate::node::tests_support::settings;
+
+    #[test]
+    fn recordings_name_the_actors_in_the_order_of_the_datas_way() {
+        let snapshots = VehicleNode::new(&settings(1)).snapshots().unwrap();
+        let names: Vec<&str> = snapshots.iter().map(|snapshot| snapshot.actor).collect();
+        assert_eq!(names, ["vehicle", "sensor", "map", "mission", "radio", "outbox"]);
+    }
+}
