@@ -339,7 +339,7 @@ impl Dealings {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use tomoswarm_proto::Mode;
+    use tomoswarm_proto::{Mode, Permille};
 
     const ONE: VehicleId = VehicleId(1);
     const LEASE: Lease = Lease { number: 1, holder: 9 };
@@ -349,13 +349,14 @@ mod tests {
             vehicle: ONE,
             boot: Boot(1),
             sequence,
-            pose: Default::default(),
-            speed_mps: 0.0,
+            pose: Some(Default::default()),
+            is_at_rest: true,
             mode: Mode::Idle,
-            battery: 1.0,
+            battery: Some(Permille::WHOLE),
             leg: None,
             accepted: Default::default(),
             ordered: Ordered { lease: LEASE, revision: Revision(revision), run: RunId(1), kind },
+            ..State::default()
         }
     }
 
@@ -369,7 +370,7 @@ mod tests {
         heard(&mut fleet, 5, 3, OrderKind::Start);
         fleet.order_all(RunId(1), OrderKind::Start);
         assert_eq!(fleet.open_orders()[0].revision, Revision(4));
-        assert_eq!(fleet.open_orders()[0].seen_state, 5);
+        assert_eq!(fleet.open_orders()[0].seen, Some(SeenState { boot: Boot(1), sequence: 5 }));
         heard(&mut fleet, 6, 3, OrderKind::Start);
         assert_eq!(fleet.open_orders().len(), 1);
         heard(&mut fleet, 7, 4, OrderKind::Start);

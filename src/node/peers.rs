@@ -210,18 +210,18 @@ fn edition(state: &State) -> (Boot, u64) {
 
 #[cfg(test)]
 mod tests {
-    use tomoswarm_proto::Progress;
-
     use super::super::tests_support::state;
     use super::*;
+    use crate::sweep::VehicleProgress;
 
     fn at(seconds_s: f64) -> Time {
         Time::from_secs_f64(seconds_s)
     }
 
     fn sighting(boot: u32, x_m: f64) -> Sighting {
-        let progress = Progress { vehicle: VehicleId(2), boot: Boot(boot), ..Progress::default() };
-        Sighting { boot: Boot(boot), pose: state(2, x_m, 0.0).pose, progress }
+        let progress =
+            VehicleProgress { vehicle: VehicleId(2), boot: Boot(boot), ..VehicleProgress::default() };
+        Sighting { pose: state(2, x_m, 0.0).pose, progress }
     }
 
     #[test]
@@ -303,5 +303,23 @@ mod tests {
             let peer = peers.get(VehicleId(2)).unwrap();
             assert_eq!((peer.at.x_m, peer.heard_at), (2.0, at(31.5)));
         }
+    }
+
+    #[test]
+    fn a_peer_that_does_not_know_its_place_is_heard_and_stays_where_it_was_known_to_be() {
+        let mut peers = Peers::new(VehicleId(1));
+        let lost = |sequence| State { pose: None, sequence, ..state(2, 0.0, 0.0) };
+        peers.take(at(0.5), &lost(1));
+        peers.sight(at(0.6), &Sighting { pose: None, ..sighting(1, 0.0) });
+        assert_eq!(peers.iter().count(), 0, "nobody knows where it is");
+        peers.take(at(1.0), &State { sequence: 2, ..state(2, 3.0, 0.0) });
+        peers.take(at(4.0), &lost(3));
+        let peer = peers.get(VehicleId(2)).unwrap();
+        assert_eq!((peer.at.x_m, peer.heard_at), (3.0, at(4.0)));
+        peers.take(at(4.1), &State { sequence: 2, ..state(2, 9.0, 0.0) });
+        peers.sight(at(5.5), &Sighting { pose: None, ..sighting(1, 0.0) });
+        let peer = peers.get(VehicleId(2)).unwrap();
+        assert_eq!((peer.at.x_m, peer.heard_at), (3.0, at(5.5)));
+        assert!(!peer.is_silent(at(7.4)) && peer.is_silent(at(7.6)));
     }
 }

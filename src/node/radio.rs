@@ -337,7 +337,7 @@ impl Input for In {
 
 #[cfg(test)]
 mod tests {
-    use super::super::tests_support::{settings, state};
+    use super::super::tests_support::{own_state, settings, state};
     use super::*;
 
     /// Lets radios that hear each other perfectly talk for a while; gives who spoke when.
@@ -352,8 +352,8 @@ mod tests {
             let who = radios.iter().position(|radio| radio.deadline().unwrap().at == due).unwrap();
             let mut out = Vec::new();
             for (radio, id) in radios.iter_mut().zip(ids) {
-                radio.handle(due, In::State(state(*id, f64::from(*id), 0.0)), &mut out).unwrap();
-                let progress = Progress { vehicle: VehicleId(*id), run: RunId(1), ..Progress::default() };
+                radio.handle(due, In::State(own_state(f64::from(*id), 0.0)), &mut out).unwrap();
+                let progress = Progress { run: RunId(1), ..Progress::default() };
                 radio.handle(due, In::Progress(progress), &mut out).unwrap();
             }
             radios[who].wake(due, &mut out).unwrap();
@@ -403,7 +403,7 @@ mod tests {
             }
             let who = radios.iter().position(|radio| radio.deadline().unwrap().at == due).unwrap();
             let mut out = Vec::new();
-            radios[who].handle(now, In::State(state(ids[who], f64::from(ids[who]), 0.0)), &mut out).unwrap();
+            radios[who].handle(now, In::State(own_state(f64::from(ids[who]), 0.0)), &mut out).unwrap();
             radios[who].wake(now, &mut out).unwrap();
             if let Some(Out::Transmit(beacon)) = out.pop() {
                 air.push((now, who, beacon));
@@ -441,8 +441,8 @@ mod tests {
     fn every_beacon_heard_is_a_sample_and_every_gap_a_miss() {
         let mut radio = Radio::new(settings(1));
         let mut out = Vec::new();
-        radio.handle(Time::ZERO, In::State(state(1, 0.0, 0.0)), &mut out).unwrap();
-        let progress = Progress { vehicle: VehicleId(1), run: RunId(4), ..Progress::default() };
+        radio.handle(Time::ZERO, In::State(own_state(0.0, 0.0)), &mut out).unwrap();
+        let progress = Progress { run: RunId(4), ..Progress::default() };
         radio.handle(Time::ZERO, In::Progress(progress), &mut out).unwrap();
         radio.handle(Time::ZERO, In::Measure(Some(RunId(4))), &mut out).unwrap();
         for (sequence, x_m) in [(7, 0.0), (10, 3.0)] {
@@ -454,7 +454,8 @@ mod tests {
                 channel: 11,
                 power_dbm: 0,
                 members: vec![],
-                progress: Progress { vehicle: VehicleId(2), run: RunId(4), ..Progress::default() },
+                progress: Progress { run: RunId(4), ..Progress::default() },
+                ..Beacon::default()
             };
             let heard = Heard { beacon, rssi_dbm: -61 };
             radio.handle(Time::ZERO, In::Heard(heard), &mut out).unwrap();
@@ -463,7 +464,7 @@ mod tests {
             .iter()
             .filter_map(|out| match out {
                 Out::Sample(_, sample) => {
-                    Some((sample.sequence, sample.transmitter_pose.at.x_m, sample.rssi_dbm))
+                    Some((sample.sequence, sample.transmitter_pose.at.x_m(), sample.rssi_dbm))
                 }
                 Out::Transmit(_) | Out::Peer(_) => None,
             })
@@ -476,7 +477,7 @@ mod tests {
         assert!(speakers(&talk(&[3], Time::from_secs_f64(1.0))).len() >= 8);
     }
 
-    fn beacon(sender: u8, sequence: u64, x_m: f64, members: Vec<VehicleId>) -> Beacon {
+    fn beacon(sender: u8, sequence: u32, x_m: f64, members: Vec<VehicleId>) -> Beacon {
         Beacon {
             sender: VehicleId(sender),
             boot: Boot(1),
@@ -485,7 +486,8 @@ mod tests {
             channel: 11,
             power_dbm: 0,
             members,
-            progress: Progress { vehicle: VehicleId(sender), run: RunId(4), ..Progress::default() },
+            progress: Progress { run: RunId(4), ..Progress::default() },
+            ..Beacon::default()
         }
     }
 
@@ -506,7 +508,7 @@ mod tests {
             let now_s = 0.1 * f64::from(tick);
             for who in 0..2 {
                 let mut out = Vec::new();
-                let place = state(who as u8 + 1, 0.0, 0.0);
+                let place = own_state(0.0, 0.0);
                 radios[who].handle(Time::from_secs_f64(now_s), In::State(place), &mut out).unwrap();
                 radios[who].wake(Time::from_secs_f64(now_s), &mut out).unwrap();
                 let Some(Out::Transmit(beacon)) = out.pop() else { panic!("silent") };
@@ -524,17 +526,46 @@ mod tests {
         radio.handle(Time::ZERO, In::Measure(Some(RunId(4))), &mut Vec::new()).unwrap();
         let mut said = Vec::new();
         for (now_s, sequence, y_m) in [(0.0, 7, 0.0), (0.3, 10, 3.0)] {
-            let own = In::State(state(1, 0.0, y_m));
+            let own = In::State(own_state(0.0, y_m));
             radio.handle(Time::from_secs_f64(now_s), own, &mut Vec::new()).unwrap();
             said.extend(hear(&mut radio, now_s, beacon(2, sequence, 5.0, vec![])));
         }
         let receivers: Vec<f64> = said
             .iter()
             .filter_map(|out| match out {
-                Out::Sample(_, sample) => Some(sample.receiver_pose.at.y_m),
+                Out::Sample(_, sample) => Some(sample.receiver_pose.at.y_m()),
                 Out::Transmit(_) | Out::Peer(_) => None,
             })
             .collect();
         assert_eq!(receivers, [0.0, 1.0, 2.0, 3.0]);
+    }
+
+    #[test]
+    fn a_beacon_names_the_twelve_that_were_heard_last() {
+        let mut radio = Radio::new(settings(1));
+        for id in 2..=20 {
+            // The higher the number the longer ago.
+            hear(&mut radio, 3.0 - 0.1 * f64::from(id), beacon(id, 1, 0.0, vec![]));
+        }
+        let mut out = Vec::new();
+        radio.handle(Time::from_secs_f64(3.0), In::State(own_state(0.0, 0.0)), &mut out).unwrap();
+        radio.wake(Time::from_secs_f64(3.0), &mut out).unwrap();
+        let Some(Out::Transmit(beacon)) = out.pop() else { panic!("silent") };
+        assert_eq!(beacon.members, (2..=13).map(VehicleId).collect::<Vec<_>>());
+        assert!(beacon.is_at_rest && beacon.is_armed && !beacon.is_airborne);
+    }
+
+    #[test]
+    fn a_beacon_without_a_place_is_heard_and_measures_nothing() {
+        let mut radio = Radio::new(settings(1));
+        let mut out = Vec::new();
+        radio.handle(Time::ZERO, In::State(own_state(0.0, 0.0)), &mut out).unwrap();
+        radio.handle(Time::ZERO, In::Measure(Some(RunId(4))), &mut out).unwrap();
+        let out = hear(&mut radio, 0.1, Beacon { pose: None, ..beacon(2, 1, 0.0, vec![]) });
+        let [Out::Peer(sighting)] = &out[..] else { panic!("{out:?}") };
+        assert_eq!((sighting.progress.vehicle, sighting.pose), (VehicleId(2), None));
+        assert_eq!(radio.heard_lately(Time::from_secs_f64(0.2)), [VehicleId(2)]);
+        let out = hear(&mut radio, 0.2, beacon(2, 2, 3.0, vec![]));
+        assert_eq!(out.iter().filter(|out| matches!(out, Out::Sample(..))).count(), 1);
     }
 }

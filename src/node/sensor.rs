@@ -215,7 +215,7 @@ mod tests {
     }
 
     fn state(x_m: f64, speed_mps: f64) -> In {
-        let mut state = super::super::tests_support::state(1, x_m, 0.0);
+        let mut state = super::super::tests_support::own_state(x_m, 0.0);
         state.speed_mps = speed_mps;
         In::State(state)
     }

@@ -90,16 +90,15 @@ mod tests {
     use super::*;
     use tomoswarm_proto::{Boot, VehicleId};
 
-    fn beacon(sender: u8, sequence: u64, channel: u8) -> Beacon {
+    fn beacon(sender: u8, sequence: u32, channel: u8) -> Beacon {
         Beacon {
             sender: VehicleId(sender),
             boot: Boot(7),
             sequence,
-            pose: Default::default(),
+            pose: Some(Default::default()),
             channel,
             power_dbm: 3,
-            members: Vec::new(),
-            progress: Default::default(),
+            ..Beacon::default()
         }
     }
 

@@ -251,14 +251,15 @@ mod tests {
     use super::*;
     use crate::exchange::examples::examples;
     use crate::exchange::table::may_say;
-    use tomoswarm_proto::{Progress, RunId, TileAddress, Want};
+    use tomoswarm_proto::{Kind, Mission, Progress, RunId, TileAddress, Want};
 
     const A: NodeId = NodeId::Vehicle(VehicleId(1));
     const B: NodeId = NodeId::Vehicle(VehicleId(2));
     const ALL: [NodeId; 3] = [NodeId::Ground, A, B];
 
     fn message(run: u32) -> Message {
-        Message::Progress(Progress { run: RunId(run), ..Progress::default() })
+        let progress = Progress { run: RunId(run), ..Progress::default() };
+        Message::Mission(Mission { vehicle: VehicleId(1), progress, ..Mission::default() })
     }
 
     fn send_many(model: BusModel, count: u32) -> (Bus, Vec<Delivery>) {
@@ -269,10 +270,10 @@ mod tests {
 
     #[test]
     fn everybody_but_the_sender_reads_what_was_sent_within_the_delay() {
-        let (_, sent) = send_many(BusModel::default(), 200);
+        let (mut bus, sent) = send_many(BusModel::default(), 200);
         for (index, delivery) in sent.iter().enumerate() {
             assert_eq!(delivery.to, [NodeId::Ground, B][index % 2]);
-            assert_eq!(deliver(&delivery.frame), Ok(message(index as u32 / 2)));
+            assert_eq!(bus.deliver(delivery.to, &delivery.frame), Ok(Some(message(index as u32 / 2))));
             let bounds = Duration::from_millis(5)..=Duration::from_millis(15);
             assert!(bounds.contains(&delivery.at.since(Time::ZERO)));
         }
@@ -306,7 +307,7 @@ mod tests {
         assert_eq!(bus.traffic()[&A].sent_bytes * 2, bytes);
         assert_eq!(bus.traffic()[&B].delivered_bytes * 2, bytes);
         assert_eq!(bus.traffic()[&A].delivered_messages, 0);
-        let by_kind = BTreeMap::from([("progress", bus.traffic()[&A].sent_bytes)]);
+        let by_kind = BTreeMap::from([("mission", bus.traffic()[&A].sent_bytes)]);
         assert_eq!(bus.sent_by_kind(), &BTreeMap::from([(A, by_kind)]));
     }
 
@@ -352,9 +353,11 @@ mod tests {
             | Message::Tile(_)
             | Message::Digest(_)
             | Message::Want(_)
-            | Message::Progress(_)
+            | Message::Mission(_)
+            | Message::Standing(_)
+            | Message::Task(_)
             | Message::Hello(_) => vec![A, B, NodeId::Ground],
-            Message::Beacon(_) => Vec::new(),
+            Message::Beacon(_) | Message::Image(_) => Vec::new(),
         }
     }
 
@@ -369,6 +372,20 @@ mod tests {
                 assert_eq!(others(heard_by), others(subscribers(&message)), "{word} of {sender}");
             }
         }
+    }
+
+    #[test]
+    fn a_message_of_an_unknown_kind_is_carried_counted_and_told_to_nobody() {
+        let mut bus = Bus::new(Noise::new(1), BusModel::default());
+        let mut bytes = encode(&message(1)).unwrap();
+        bytes[3] = Kind::ALL.len() as u8;
+        let sent = bus.carry(Time::ZERO, Frame::of_bytes(A, &bytes), &ALL);
+        assert_eq!(sent.len(), 2);
+        for delivery in sent {
+            assert_eq!(bus.deliver(delivery.to, &delivery.frame), Ok(None));
+        }
+        let unknown = |node| bus.traffic()[&node].unknown_messages;
+        assert_eq!((unknown(NodeId::Ground), unknown(A), unknown(B)), (1, 0, 1));
     }
 
     #[test]
@@ -387,6 +404,6 @@ mod tests {
         };
         assert!(bus.send(Time::ZERO, A, &want(100_000), &ALL).is_err());
         let sent = bus.send(Time::ZERO, A, &want(4097), &ALL).unwrap();
-        assert!(deliver(&sent[0].frame).is_err());
+        assert!(bus.deliver(sent[0].to, &sent[0].frame).is_err());
     }
 }

@@ -448,7 +448,7 @@ mod tests {
         let lane_m = 5.0 * f64::from(vehicle.0);
         let stop = |number: u32| Stop {
             id: StopId(number),
-            at: Position { x_m: f64::from(number), y_m: lane_m, z_m: 0.0 },
+            at: Position::from_metres(f64::from(number), lane_m, 0.0),
             route: vec![],
             dwell_ms: 0,
             dwell_limit_ms: 0,
@@ -460,7 +460,7 @@ mod tests {
             run: RunId(1),
             revision: Revision(revision),
             members: vec![ONE, TWO],
-            start: Position { x_m: 0.0, y_m: lane_m, z_m: 0.0 },
+            start: Position::from_metres(0.0, lane_m, 0.0),
             stops: (1..=stops).map(stop).collect(),
             ..Plan::default()
         }
@@ -561,7 +561,7 @@ mod tests {
         assert!(follower.hold(at(0.7)));
         assert!(follower.entered().is_empty());
         let mut next = plan(ONE, 4, 1);
-        next.start = Position { x_m: 0.8, y_m: 5.0, z_m: 0.0 };
+        next.start = Position::from_metres(0.8, 5.0, 0.0);
         follower.offer(&plan(TWO, 4, 1));
         assert_eq!(follower.offer(&next), Verdict::Adopted);
     }
@@ -571,7 +571,7 @@ mod tests {
         let mut follower = following(&plan(ONE, 2, 3));
         follower.hear(second(1.0), &peer(2, None, None));
         let mut next = plan(ONE, 3, 0);
-        next.start.x_m = 2.0;
+        next.start.x_mm = 2000;
         follower.offer(&next);
         let verdict = follower.offer(&plan(TWO, 3, 4));
         assert!(matches!(verdict, Verdict::Refused(Refusal::Elsewhere { .. })), "{verdict:?}");

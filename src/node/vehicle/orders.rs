@@ -93,7 +93,7 @@ mod tests {
     fn order(kind: OrderKind, number: u32, revision: u32) -> Order {
         let lease = Lease { number, holder: 7 };
         let revision = Revision(revision);
-        Order { vehicle: VehicleId(1), lease, run: RunId(1), revision, seen_state: 0, kind }
+        Order { vehicle: VehicleId(1), lease, run: RunId(1), revision, seen: None, kind, ends: vec![] }
     }
 
     #[test]

@@ -1,7 +1,7 @@
 //! What the vehicle actor refuses, obeys and reports.
 
 use super::super::tests_support::{settings, state};
-use tomoswarm_proto::{Lease, LegReport, Mode, OrderKind};
+use tomoswarm_proto::{Boot, Lease, LegReport, Mode, OrderKind, SeenState};
 
 use super::*;
 use crate::geom::Angle;
@@ -40,8 +40,11 @@ fn drive(corners: &[(f64, f64)]) -> In {
     In::Command(Time::NEVER, Command::Drive { stop: None, route })
 }
 
-fn order(kind: OrderKind, lease: Lease, revision: u32, seen_state: u64) -> Order {
-    Order { vehicle: VehicleId(1), lease, run: RunId(1), revision: Revision(revision), seen_state, kind }
+/// An order that answers a state of this number; 0 = none was heard.
+fn order(kind: OrderKind, lease: Lease, revision: u32, sequence: u64) -> Order {
+    let seen = Some(SeenState { boot: Boot(1), sequence }).filter(|_| sequence > 0);
+    let (vehicle, revision) = (VehicleId(1), Revision(revision));
+    Order { vehicle, lease, run: RunId(1), revision, seen, kind, ends: vec![] }
 }
 
 fn scan(range_m: f64, beam_deg: f64) -> In {
@@ -196,8 +199,8 @@ fn unread_orders_join_to_the_stronger_and_the_newer_revision() {
     check(of(OrderKind::Start, 2), of(OrderKind::Emergency, 1), of(OrderKind::Emergency, 2));
     check(of(OrderKind::Return, 3), of(OrderKind::Land, 4), of(OrderKind::Land, 4));
     let taken_over = order(OrderKind::Start, Lease { number: 4, holder: 9 }, 1, 1);
-    check(of(OrderKind::Emergency, 1), taken_over, taken_over);
-    check(taken_over, of(OrderKind::Emergency, 1), taken_over);
+    check(of(OrderKind::Emergency, 1), taken_over.clone(), taken_over.clone());
+    check(taken_over.clone(), of(OrderKind::Emergency, 1), taken_over);
 }
 
 #[test]
@@ -205,7 +208,7 @@ fn an_unread_emergency_is_not_lost_to_an_order_for_another_vehicle_or_run() {
     let check = |newer: Order| {
         let mut seat = crate::actor::ActorCell::new(vehicle());
         seat.push(In::Order(order(OrderKind::Emergency, LEASE, 1, 0)));
-        seat.push(In::Order(newer));
+        seat.push(In::Order(newer.clone()));
         let mut out = Vec::new();
         seat.act(at(1.1), |said| out.push(said)).unwrap();
         assert!(stops(&out), "{newer:?}");

@@ -2,7 +2,7 @@
 
 use std::sync::mpsc::{Receiver, channel};
 
-use tomoswarm_proto::{Progress, RunId, VehicleId};
+use tomoswarm_proto::{Mission, Progress, RunId, VehicleId};
 
 use super::*;
 
@@ -38,7 +38,8 @@ fn open(settings: BusSettings) -> (Bus, Receiver<Heard>) {
 }
 
 fn progress(of: u8, run: u32) -> Message {
-    Message::Progress(Progress { vehicle: VehicleId(of), run: RunId(run), ..Progress::default() })
+    let progress = Progress { run: RunId(run), ..Progress::default() };
+    Message::Mission(Mission { vehicle: VehicleId(of), progress, ..Mission::default() })
 }
 
 /// Publishes again and again until it is heard; links take a moment.

@@ -232,7 +232,7 @@ pub fn troubles(troubles: &[String]) -> String {
 mod tests {
     use super::super::tests_support::{Rover, at, heard, report, state};
     use super::*;
-    use tomoswarm_proto::{Health, Lease, Message, Progress, Revision, RunId, StopId};
+    use tomoswarm_proto::{Health, Lease, Message, Mission, Revision, RunId};
 
     fn roll(messages: Vec<Message>) -> Roll {
         let mut roll = Roll::default();
@@ -248,13 +248,9 @@ mod tests {
     fn a_vehicle_is_one_line_with_all_that_it_said() {
         let mut driving = Rover::ordered(1, Lease { number: 4, holder: 9 }, 7, OrderKind::Start).state;
         (driving.mode, driving.accepted) = (Mode::Driving, (RunId(6), Revision(2)));
-        let progress = Progress {
-            vehicle: VehicleId(1),
-            boot: driving.boot,
-            done: Some(StopId(12)),
-            leg: Some(StopId(13)),
-            ..Progress::default()
-        };
+        let progress = Progress { done: Some(StopId(12)), leg: Some(StopId(13)), ..Progress::default() };
+        let (vehicle, boot) = (VehicleId(1), driving.boot);
+        let mission = Mission { vehicle, boot, progress, ..Mission::default() };
         let health = Health {
             vehicle: VehicleId(1),
             boot: driving.boot,
@@ -263,7 +259,7 @@ mod tests {
             troubles: vec!["disk: full".to_owned()],
             ..Health::default()
         };
-        let roll = roll(vec![Message::State(driving), Message::Progress(progress), Message::Health(health)]);
+        let roll = roll(vec![Message::State(driving), Message::Mission(mission), Message::Health(health)]);
         let text = text(&roll, &expected(&[]), at(1.3));
         let line = text.lines().nth(1).unwrap();
         let words: Vec<&str> = line.split_whitespace().collect();
@@ -284,7 +280,7 @@ mod tests {
             laps: 5,
             samples: 900,
             lost: vec![VehicleId(3)],
-            standing: Some(OrderKind::Hold),
+            in_force: Some(OrderKind::Hold),
             ..report()
         };
         let text = text(&roll(vec![Message::Report(said)]), &expected(&[]), at(1.0));
@@ -313,7 +309,7 @@ mod tests {
     fn as_json_every_field_of_the_messages_is_there() {
         let value = json(&roll(vec![Message::State(state(1))]), &expected(&[2]), at(1.5));
         assert_eq!(value["all_heard"], false);
-        assert_eq!(value["vehicles"][0]["state"]["pose"]["sd_m"], 0.05);
+        assert_eq!(value["vehicles"][0]["state"]["pose"]["sd"], 50);
         assert_eq!(value["vehicles"][0]["age_s"], 0.5);
         assert_eq!(value["vehicles"][1]["state"], Value::Null);
     }

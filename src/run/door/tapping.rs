@@ -123,8 +123,8 @@ mod tests {
             (&json!("state"), &json!(1.0), &json!(2.0))
         );
         assert_eq!(
-            (&line["message"]["pose"]["at"]["x_m"], &line["message"]["mode"]),
-            (&json!(3.0), &json!("Idle"))
+            (&line["message"]["pose"]["at"]["x_mm"], &line["message"]["mode"]),
+            (&json!(3000), &json!("Idle"))
         );
     }
 
@@ -135,8 +135,9 @@ mod tests {
             lease: Default::default(),
             run: Default::default(),
             revision: Default::default(),
-            seen_state: 0,
+            seen: None,
             kind: OrderKind::Hold,
+            ends: vec![],
         });
         let states = Tapping { kinds: ["state".to_owned()].into(), ..Tapping::default() };
         assert!(line(&states, Message::State(state(1))).is_some() && line(&states, order.clone()).is_none());
@@ -174,7 +175,7 @@ mod tests {
 
     #[test]
     fn every_kind_can_be_asked_for() {
-        assert!(KINDS.contains(&kind(&Message::Report(report()))));
-        assert_eq!(KINDS.len(), 13);
+        assert!(kinds().contains(&Message::Report(report()).word()));
+        assert_eq!(kinds().len(), 16);
     }
 }

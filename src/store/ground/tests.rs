@@ -19,8 +19,11 @@ const START: Start = Start {
 };
 
 fn sample(sequence: u64) -> Sample {
-    let mut receiver_pose = tomoswarm_proto::PoseReport::default();
-    (receiver_pose.at.x_m, receiver_pose.heading_rad, receiver_pose.sd_m) = (0.1, -3.0, 0.05);
+    let receiver_pose = tomoswarm_proto::PoseReport {
+        at: tomoswarm_proto::Position { x_mm: 100, y_mm: -7, z_mm: 0 },
+        heading: tomoswarm_proto::Heading(32_832),
+        sd: tomoswarm_proto::Deviation(50),
+    };
     Sample {
         sequence,
         heard_at_ns: 3_600_000_000_001 + sequence * 50_000_000,
@@ -35,7 +38,7 @@ fn sample(sequence: u64) -> Sample {
 
 fn batch(vehicle: u8, run: u32, sequences: impl Iterator<Item = u64>) -> Samples {
     let samples = sequences.map(sample).collect();
-    Samples { vehicle: VehicleId(vehicle), boot: Boot(4), run: RunId(run), samples }
+    Samples { vehicle: VehicleId(vehicle), boot: Boot(4), run: RunId(run), samples, lost: vec![] }
 }
 
 fn path_in(folder: &tempfile::TempDir) -> PathBuf {

@@ -243,7 +243,7 @@ fn a_flood_of_words_leaves_nothing_behind() {
     for number in 0..20_000 {
         world.obey(0, drive(-1.5, 4.0 + f64::from(number % 7)));
         world.obey(0, ping(u64::from(number as u32)));
-        world.obey(0, beacon(ONE, u64::from(number as u32)));
+        world.obey(0, beacon(ONE, number as u32));
     }
     assert!(world.pending() < 20, "{} things are to happen", world.pending());
 }
