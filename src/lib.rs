@@ -6,7 +6,7 @@
 //! | --- | --- | --- |
 //! | L0 | [`time`], [`geom`] | values |
 //! | L1 | [`map`], [`plan`], [`tomo`], [`sweep`], [`scene`], [`config`], [`draw`] | pure functions and values |
-//! | L2 | [`actor`], [`node`], [`ground`], [`exchange`] | state machines without I/O |
+//! | L2 | [`actor`], [`node`], [`ground`], [`operator`], [`exchange`] | state machines without I/O |
 //! | L3 | [`sim`] | the world in virtual time |
 //! | L3 | `run`, `store` (feature `net`) | live processes over zenoh, and what outlives them |
 //! | top | [`cli`] | files, terminal, assembly |
@@ -22,6 +22,7 @@ pub mod geom;
 pub mod ground;
 pub mod map;
 pub mod node;
+pub mod operator;
 pub mod plan;
 #[cfg(feature = "net")]
 pub mod run;

@@ -7,4 +7,5 @@ mod config {
     mod missions;
     mod nodes;
     mod problems;
+    mod readme;
 }

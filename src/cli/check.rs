@@ -5,7 +5,7 @@ use std::collections::BTreeSet;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
-use super::describe::describe;
+use super::describe::{Line, describe};
 use super::error::CliError;
 use super::experiment;
 use super::image::{bounds, read_file};
@@ -20,14 +20,18 @@ const NAMES_SHOWN: usize = 30;
 
 /// Validate configs, scenes and recordings; print what was understood.
 ///
-/// Every mistake is listed with file, line, key, value and what is allowed. What is right is shown with all its values,
-/// also those that were left out and have defaults. Nothing is written.
+/// Every mistake is listed with file, line, key, value and what is allowed. A configuration that is right is printed as
+/// TOML with all its values, also those that were left out and have defaults; read back from the same folder it means the
+/// same. Nothing is written.
 #[derive(clap::Args, Debug)]
 #[command(after_help = AFTER_HELP)]
 pub struct CheckArgs {
-    /// Files to check: .toml (venue, scene, sim, vehicle, ground, operator, experiment), .wrl (shapes), .csv and .json (recordings)
-    #[arg(required = true, value_name = "FILE")]
+    /// Files to check, or - for a configuration from standard input: .toml (venue, scene, sim, vehicle, ground, operator, experiment), .wrl (shapes), .csv and .json (recordings)
+    #[arg(required_unless_present = "keys", value_name = "FILE")]
     pub files: Vec<PathBuf>,
+    /// Print the tables of all keys, as they stand in configs/README.md
+    #[arg(long, conflicts_with = "files")]
+    pub keys: bool,
 }
 
 const AFTER_HELP: &str = "\
@@ -36,6 +40,7 @@ simulation of its grid.
 
 Examples:
   tomoswarm check configs/courtyard.sim.toml          a simulation and all that it names
+  tomoswarm check my.sim.toml | tomoswarm check -     the same again: files are named as seen from here
   tomoswarm check scenes/courtyard.wrl                faces, triangles and DEF names of shapes
   tomoswarm check out/courtyard-1/links.csv           how many links, and where
 
@@ -60,10 +65,13 @@ impl CheckArgs {
     /// Everything that is wrong, after all files were looked at.
     pub fn run(&self, out: &mut dyn Write) -> Result<(), CliError> {
         let mut wrong = Vec::new();
+        if self.keys {
+            return print_keys(out);
+        }
         for path in &self.files {
             match understand(path) {
                 Ok(understood) => {
-                    let written = write!(out, "{}: {understood}", path.display());
+                    let written = out.write_all(understood.as_bytes());
                     written.map_err(|source| CliError::Write { path: "standard output".into(), source })?;
                 }
                 Err(error) => wrong.push(error),
@@ -71,6 +79,15 @@ impl CheckArgs {
         }
         if wrong.is_empty() { Ok(()) } else { Err(CliError::Several(wrong)) }
     }
+}
+
+/// Prints the tables of all keys between the lines that mark them in `configs/README.md`.
+fn print_keys(out: &mut dyn Write) -> Result<(), CliError> {
+    for (kind, tables) in config::key_tables() {
+        let text = format!("<!-- keys of {kind} -->\n\n{tables}<!-- end of keys -->\n\n");
+        out.write_all(text.as_bytes()).map_err(CliError::stdout)?;
+    }
+    Ok(())
 }
 
 fn kind_of(path: &Path) -> Result<Kind, CliError> {
@@ -91,24 +108,26 @@ fn kind_of(path: &Path) -> Result<Kind, CliError> {
 }
 
 fn understand(path: &Path) -> Result<String, CliError> {
+    if path == Path::new(read::STANDARD_INPUT) {
+        return understand_config(path, &read::standard_input()?);
+    }
     match kind_of(path)? {
-        Kind::Config => understand_config(path),
+        Kind::Config => understand_config(path, &read::text(path)?),
         Kind::Shapes => understand_shapes(path),
         Kind::Recording => understand_recording(path),
     }
 }
 
 /// Reads a configuration; a simulation also as far as it can be told without running it.
-fn understand_config(path: &Path) -> Result<String, CliError> {
-    let text = read::text(path)?;
+fn understand_config(path: &Path, text: &str) -> Result<String, CliError> {
     let loader = &mut read::around(path);
-    let config = config::read(&read::shown(path), &text, loader)?;
-    let mut understood = describe(&config);
+    let config = config::read(&read::shown(path), text, loader)?;
+    let mut shapes_said = Vec::new();
     match &config {
-        Config::Sim(_) => {
-            let loaded = load::load(Some(path), None)?;
-            understood += &shapes_lines(&loaded.shapes);
-            load::scenario(loaded, Some(path), None)?;
+        Config::Sim(sim) => {
+            let shapes = load::shapes_of(&sim.scene, loader)?;
+            shapes_said = shapes_lines(&shapes);
+            load::scenario(load::Loaded::new(*sim.clone(), shapes), Some(path), None)?;
         }
         Config::Scene(scene) => {
             let shapes = load::shapes_of(scene, loader)?;
@@ -118,12 +137,12 @@ fn understand_config(path: &Path) -> Result<String, CliError> {
                 path: path.to_owned(),
                 reason: format!("scene: {error}"),
             })?;
-            understood += &shapes_lines(&shapes);
+            shapes_said = shapes_lines(&shapes);
         }
-        Config::Experiment(_) => experiment::check(path)?,
+        Config::Experiment(_) => experiment::check(path, text)?,
         Config::Venue(_) | Config::Vehicle(_) | Config::Ground(_) | Config::Operator(_) => {}
     }
-    Ok(understood)
+    Ok(describe(&read::shown(path), &config, &shapes_said))
 }
 
 /// Refuses materials for shapes that there are none of; a simulation is refused for them as well.
@@ -144,23 +163,20 @@ fn check_materials(path: &Path, scene: &SceneFile, shapes: &VrmlScene) -> Result
 /// Reads shapes as they are, z up: only a scene file knows better.
 fn understand_shapes(path: &Path) -> Result<String, CliError> {
     let shapes = load::read_shapes(&read::shown(path), Up::Z, &mut read::around(path))?;
-    Ok(format!("shapes (VRML97)\n{}", shapes_lines(&shapes)))
+    let lines = shapes_lines(&shapes).into_iter().map(|(name, value)| format!("  {name:<12} {value}\n"));
+    Ok(format!("{}: shapes (VRML97)\n{}", path.display(), lines.collect::<String>()))
 }
 
-fn shapes_lines(scene: &VrmlScene) -> String {
+fn shapes_lines(scene: &VrmlScene) -> Vec<Line> {
     let (faces, triangles) = scene
         .shapes
         .iter()
         .fold((0, 0), |(faces, triangles), shape| (faces + shape.faces, triangles + shape.triangles));
-    let mut text = format!(
-        "  shapes       {}, of {faces} faces, {triangles} triangles; DEF names: {}\n",
-        scene.shapes.len(),
-        names_line(scene)
-    );
-    for warning in &scene.warnings {
-        text += &format!("  warning      {warning}\n");
-    }
-    text
+    let count = scene.shapes.len();
+    let shapes =
+        format!("{count}, of {faces} faces, {triangles} triangles; DEF names: {}", names_line(scene));
+    let warnings = scene.warnings.iter().map(|warning| ("warning", warning.clone()));
+    std::iter::once(("shapes", shapes)).chain(warnings).collect()
 }
 
 /// Lists the DEF names of a scene, the first of them if there are many.
@@ -181,7 +197,8 @@ fn understand_recording(path: &Path) -> Result<String, CliError> {
     let packets: u64 = recording.links.iter().map(|link| u64::from(link.packets)).sum();
     let area = bounds(recording.links.iter());
     Ok(format!(
-        "a recording\n  links        {} of {packets} packets\n  ends         x {:.2} to {:.2}, y {:.2} to {:.2} {unit}\n",
+        "{}: a recording\n  links        {} of {packets} packets\n  ends         x {:.2} to {:.2}, y {:.2} to {:.2} {unit}\n",
+        path.display(),
         recording.links.len(),
         area.min.x_m,
         area.max.x_m,
@@ -196,7 +213,8 @@ mod tests {
 
     fn run(files: &[&str]) -> (String, Result<(), CliError>) {
         let mut out = Vec::new();
-        let result = CheckArgs { files: files.iter().map(PathBuf::from).collect() }.run(&mut out);
+        let result =
+            CheckArgs { keys: false, files: files.iter().map(PathBuf::from).collect() }.run(&mut out);
         (String::from_utf8(out).unwrap(), result)
     }
 

@@ -191,12 +191,11 @@ impl EnrollArgs {
         venue: &str,
     ) -> Result<Vec<NewFile>, CliError> {
         let node = issued.entry.name.node;
-        let config = self.config_of(node, next).text();
         let own_file = swarm.node_folder(node).join(file_name(node));
         // What was edited by hand stays.
         let config = match own_file.exists() {
             true => read::text(&own_file)?,
-            false => config,
+            false => self.config_of(node, next).text(venue)?,
         };
         check_config(&own_file, &config, venue)?;
         Ok(vec![

@@ -2,7 +2,7 @@
 
 use tomoswarm_proto::{Sender, VehicleId};
 
-use crate::config::{Endpoint, Protocol, Topology};
+use crate::config::{self, Endpoint, Problems, Protocol, Topology, quoted};
 
 /// What the configuration of an enrolled node depends on.
 #[derive(Clone, Debug)]
@@ -32,27 +32,38 @@ pub fn file_name(node: Sender) -> &'static str {
     }
 }
 
-/// Gives the line of a ground station's configuration that lists its vehicles.
+/// Gives the key of a ground station's configuration that lists its vehicles.
 pub fn vehicles_line(vehicles: &[VehicleId]) -> String {
     let ids: Vec<String> = vehicles.iter().map(ToString::to_string).collect();
-    format!("vehicles = [{}]\n", ids.join(", "))
+    format!("vehicles = [{}]", ids.join(", "))
 }
 
 impl NodeConfig {
-    /// Gives the text of the configuration.
-    pub fn text(&self) -> String {
-        let head = "# Written by tomoswarm enroll; `tomoswarm check` prints what is left out.\n";
+    /// Returns the text of the configuration, every key with its value; `venue` is the text of the venue's file.
+    ///
+    /// # Errors
+    /// Everything that `tomoswarm check` would refuse.
+    pub fn text(&self, venue: &str) -> Result<String, Problems> {
+        let file = config::read(file_name(self.node), &self.given(), &mut |_| Ok(venue.to_owned()))?;
+        Ok(format!("# Written by tomoswarm enroll.\n{}", config::written(&file)))
+    }
+
+    /// Returns what is not left to the defaults.
+    fn given(&self) -> String {
         let state = format!("state_dir = {}\n", quoted(&self.state_dir));
         let own = match self.node {
             Sender::Ground => {
-                format!("kind = \"ground\"\nvenue = \"venue.toml\"\n{}{state}", vehicles_line(&self.vehicles))
+                format!(
+                    "kind = \"ground\"\nvenue = \"venue.toml\"\n{}\n{state}",
+                    vehicles_line(&self.vehicles)
+                )
             }
             Sender::Vehicle(id) => {
                 format!("kind = \"vehicle\"\nvenue = \"venue.toml\"\nid = {id}\n{state}{DRIVERS}")
             }
             Sender::Operator(_) => "kind = \"operator\"\nvenue = \"venue.toml\"\n".to_owned(),
         };
-        format!("{head}{own}\n{}", self.bus())
+        format!("{own}\n{}", self.bus())
     }
 
     fn bus(&self) -> String {
@@ -84,20 +95,6 @@ impl NodeConfig {
         let port = if is_fixed { self.port } else { 0 };
         Endpoint { protocol: Protocol::Tls, host: host.to_owned(), port }
     }
-}
-
-/// Gives a text as TOML writes it.
-fn quoted(text: &str) -> String {
-    let mut quoted = String::from("\"");
-    for c in text.chars() {
-        match c {
-            '"' | '\\' => quoted.extend(['\\', c]),
-            c if c.is_control() => quoted += &format!("\\u{:04X}", u32::from(c)),
-            c => quoted.push(c),
-        }
-    }
-    quoted.push('"');
-    quoted
 }
 
 const DRIVERS: &str = "

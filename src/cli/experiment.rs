@@ -67,7 +67,7 @@ The folder then holds
   table.txt      the table that is printed, a row for every mission and scene, or what --by asks for
   journal.jsonl  the finished runs, in the order in which they ended; from it an experiment goes on
 
-Axes for --by: mission, scene, safety_m, cell_m, size_m, sensor, vehicles, seed.
+Axes for --by: mission, scene, safety_m (or distance), cell_m, size_m, sensor, vehicles, seed.
 
 Examples:
   tomoswarm experiment configs/experiment-thesis.toml
@@ -80,9 +80,11 @@ bad usage, files or cells, or a folder that cannot be used.";
 
 fn parse_axis(word: &str) -> Result<Axis, String> {
     let words = || Axis::ALL.map(Axis::word).join(", ");
-    let found =
-        Axis::ALL.into_iter().find(|axis| axis.word() == word || axis.word().trim_end_matches("_m") == word);
-    found.ok_or_else(|| format!("`{word}` is no axis; {} are", words()))
+    let is_meant = |axis: &Axis| {
+        let is_distance = *axis == Axis::Safety && word == "distance";
+        axis.word() == word || axis.word().trim_end_matches("_m") == word || is_distance
+    };
+    Axis::ALL.into_iter().find(is_meant).ok_or_else(|| format!("`{word}` is no axis; {} are", words()))
 }
 
 const RUNS: &str = "runs.csv";
@@ -151,8 +153,8 @@ impl ExperimentArgs {
 ///
 /// # Errors
 /// Everything that is wrong, and where.
-pub(super) fn check(config: &Path) -> Result<(), CliError> {
-    Grid::load(config)?.check()
+pub(super) fn check(config: &Path, text: &str) -> Result<(), CliError> {
+    Grid::read(config, text.to_owned())?.check()
 }
 
 fn cores() -> usize {

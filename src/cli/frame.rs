@@ -11,7 +11,7 @@ use super::screen::Size;
 use crate::config::Venue;
 use crate::geom::{Cell, Lattice, Point, Rect, Vector};
 use crate::map::{CellRect, Merged, Occupancy, View};
-use crate::node::mission::Standing;
+use crate::node::mission::MissionStatus;
 use crate::sim::ShownVehicle;
 
 /// Lines of text below the picture.
@@ -217,15 +217,15 @@ fn set_colours(line: &mut String, before: &mut (Option<u8>, Option<u8>), wanted:
 
 /// What everybody does, in the order of their ids.
 fn doings(vehicles: &[Drawn]) -> String {
-    let word = |standing: Option<Standing>| match standing {
+    let word = |status: Option<MissionStatus>| match status {
         None => "off",
-        Some(Standing::Waiting) => "waits",
-        Some(Standing::Following) => "on its way",
-        Some(Standing::Held) => "holds",
-        Some(Standing::Returning) => "returns",
-        Some(Standing::Home) => "home",
+        Some(MissionStatus::Waiting) => "waits",
+        Some(MissionStatus::Following) => "on its way",
+        Some(MissionStatus::Held) => "holds",
+        Some(MissionStatus::Returning) => "returns",
+        Some(MissionStatus::Home) => "home",
     };
-    let one = |drawn: &Drawn| format!("{} {}", drawn.vehicle.id, word(drawn.vehicle.standing));
+    let one = |drawn: &Drawn| format!("{} {}", drawn.vehicle.id, word(drawn.vehicle.status));
     vehicles.iter().map(one).collect::<Vec<_>>().join("  ")
 }
 

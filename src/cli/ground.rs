@@ -68,8 +68,8 @@ impl GroundArgs {
         let mut file: GroundFile = config::read_ground(&name, &text, &mut loader)?;
         file.take_over |= self.take_over;
         if self.check {
-            let text = describe(&Config::Ground(Box::new(file)));
-            return write!(out, "{name}: {text}").map_err(CliError::stdout);
+            let text = describe(&name, &Config::Ground(Box::new(file)), &[]);
+            return out.write_all(text.as_bytes()).map_err(CliError::stdout);
         }
         logging::begin(self.verbose);
         let stop = Stop::listen();

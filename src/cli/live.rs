@@ -15,13 +15,12 @@ use super::answer::complain;
 use super::error::CliError;
 use super::folder::OutputFolder;
 use super::load;
-use super::operator::Door;
+use super::operator::OperatorContext;
 use super::report::FAMILY;
 use super::sim::{SimArgs, default_folder, started};
 use super::stop::Stop;
 use crate::config::{Expect, Topology};
 use crate::geom::Point;
-use crate::run::door::session::Session;
 use crate::run::link::WorldControl;
 use crate::run::live::director::{Diary, Director, Going};
 use crate::run::live::files::Places;
@@ -53,7 +52,6 @@ pub enum Shape {
 /// Bad files, a folder that cannot be written, a mission that failed.
 pub fn run(args: &SimArgs, out: &mut dyn Write) -> Result<(), CliError> {
     let loaded = args.loaded()?;
-    let venue = loaded.venue_text.clone();
     let scenario = load::scenario(loaded, args.config.as_deref(), args.seed)?;
     if scenario.sim().expect != Expect::Finished {
         let refused = "a mission that is to fail (expect) is for virtual time; it cannot be run live";
@@ -71,7 +69,7 @@ pub fn run(args: &SimArgs, out: &mut dyn Write) -> Result<(), CliError> {
     let started = started();
     let live = folder.live()?;
     let outcome = {
-        let mut swarm = Swarm::start(args, &scenario, seed, &venue, &live)?;
+        let mut swarm = Swarm::start(args, &scenario, seed, &live)?;
         let failure = swarm.play(&stop, started);
         swarm.end(&scenario, failure)?
     };
@@ -87,13 +85,7 @@ struct Swarm {
 
 impl Swarm {
     /// Writes the files, and starts the processes.
-    fn start(
-        args: &SimArgs,
-        scenario: &Scenario,
-        seed: u64,
-        venue: &str,
-        folder: &Path,
-    ) -> Result<Swarm, CliError> {
+    fn start(args: &SimArgs, scenario: &Scenario, seed: u64, folder: &Path) -> Result<Swarm, CliError> {
         let sim = scenario.sim();
         let fault = |source: std::io::Error| CliError::Fault(source.to_string());
         let mut processes = Processes::new(folder);
@@ -114,8 +106,8 @@ impl Swarm {
             vehicle_ports: ports,
         };
         let empty: Option<RunId> = sim.empty_sweep.then_some(EMPTY_RUN);
-        write(folder, VENUE, venue)?;
-        write(folder, OPERATOR, &places.operator())?;
+        write(folder, VENUE, &places.venue(sim))?;
+        write(folder, OPERATOR, &places.operator(sim))?;
         write(folder, GROUND, &places.ground(sim, empty))?;
         let mut ground = own_program("ground")?;
         ground.arg(folder.join(GROUND));
@@ -128,11 +120,11 @@ impl Swarm {
             vehicle.arg(folder.join(file));
             processes.start(&name, Rank::Vehicle, vehicle).map_err(fault)?;
         }
-        let session: Session = Door::read(&folder.join(OPERATOR))?.open()?;
+        let operator = OperatorContext::read(&folder.join(OPERATOR))?.open()?;
         let control = WorldControl::connect(address, &token);
         let control = control.map_err(|error| CliError::Swarm(error.to_string()))?;
         let store = folder.join(STORE);
-        let director = Director::new(scenario, session, control, store.clone())
+        let director = Director::new(scenario, operator, control, store.clone())
             .map_err(|error| CliError::Usage(error.to_string()))?;
         Ok(Swarm { processes, director, store })
     }

@@ -16,20 +16,12 @@ pub struct Loaded {
     pub sim: Sim,
     /// Its shapes.
     pub shapes: VrmlScene,
-    /// The text of its venue's file.
-    #[cfg(feature = "net")]
-    pub venue_text: String,
 }
 
 impl Loaded {
-    /// Puts together a simulation and its shapes that were read elsewhere; the venue's text is not known.
+    /// Puts together a simulation and its shapes that were read elsewhere.
     pub fn new(sim: Sim, shapes: VrmlScene) -> Loaded {
-        Loaded {
-            sim,
-            shapes,
-            #[cfg(feature = "net")]
-            venue_text: String::new(),
-        }
+        Loaded { sim, shapes }
     }
 }
 
@@ -94,31 +86,9 @@ fn load_with(
 ) -> Result<Loaded, CliError> {
     let unreadable = |reason| CliError::Input { path: name.into(), reason };
     let text = loader(name).map_err(unreadable)?;
-    #[cfg(feature = "net")]
-    let mut venue_text = String::new();
-    let mut noting = |name: &str| {
-        let text = loader(name)?;
-        #[cfg(feature = "net")]
-        if is_venue(&text) {
-            venue_text.clone_from(&text);
-        }
-        Ok(text)
-    };
-    let sim = read_sim(name, &text, vehicles, &mut noting)?;
+    let sim = read_sim(name, &text, vehicles, loader)?;
     let shapes = shapes_of(&sim.scene, loader)?;
-    Ok(Loaded {
-        sim,
-        shapes,
-        #[cfg(feature = "net")]
-        venue_text,
-    })
-}
-
-/// Tells whether a text is that of a venue's file.
-#[cfg(feature = "net")]
-fn is_venue(text: &str) -> bool {
-    let mut no_files = |_: &str| Err("a venue names no other files".to_owned());
-    matches!(config::read("venue", text, &mut no_files), Ok(config::Config::Venue(_)))
+    Ok(Loaded { sim, shapes })
 }
 
 /// Reads the shapes that a scene names; none when it names no file.

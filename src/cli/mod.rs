@@ -6,7 +6,6 @@
 mod answer;
 pub mod check;
 mod describe;
-mod describe_nodes;
 #[cfg(feature = "net")]
 pub mod enroll;
 #[cfg(feature = "net")]
@@ -36,6 +35,7 @@ mod pictures;
 pub mod plan;
 #[cfg(feature = "net")]
 pub mod preflight;
+pub mod preflight_text;
 mod read;
 pub mod recording;
 #[cfg(feature = "net")]
@@ -48,7 +48,9 @@ mod screen;
 pub mod sim;
 #[cfg(feature = "net")]
 pub mod status;
+pub mod status_text;
 mod stop;
+mod table;
 #[cfg(feature = "net")]
 pub mod tap;
 mod tracks;

@@ -6,17 +6,20 @@ use std::collections::BTreeSet;
 use std::path::Path;
 use std::time::Duration;
 
-use tomoswarm_proto::{Boot, VehicleId};
+use tomoswarm_proto::{Boot, Hello, VehicleId};
 
 use super::error::CliError;
 use super::read;
+use crate::actor::Fault;
 use crate::config::{self, BusFile, Config, Endpoint, Protocol, Topology, Venue};
+use crate::operator::operator_actor::OperatorSettings;
 use crate::run::bus::{BusError, BusSettings};
-use crate::run::door::session::Session;
-use crate::run::membership::{self, OPERATOR};
+use crate::run::live_operator::LiveOperator;
+use crate::run::membership::{self, NoChance, OPERATOR};
+use crate::run::operator_session::Session;
 
 /// What a command knows before it hears anything.
-pub struct Door {
+pub struct OperatorContext {
     /// How it joins.
     pub settings: BusSettings,
     /// The place.
@@ -25,17 +28,17 @@ pub struct Door {
     pub vehicles: BTreeSet<VehicleId>,
 }
 
-impl Door {
+impl OperatorContext {
     /// Reads the file.
     ///
     /// # Errors
     /// It is wrong, or of another kind.
-    pub fn read(path: &Path) -> Result<Door, CliError> {
+    pub fn read(path: &Path) -> Result<OperatorContext, CliError> {
         let text = read::text(path)?;
         match config::read(&read::shown(path), &text, &mut read::around(path))? {
             Config::Operator(file) => {
                 let settings = settings(path, &file.venue, &file.bus)?;
-                Ok(Door { settings, venue: file.venue, vehicles: BTreeSet::new() })
+                Ok(OperatorContext { settings, venue: file.venue, vehicles: BTreeSet::new() })
             }
             Config::Ground(file) if file.bus.identity.is_some() => {
                 let reason = "is the ground station's own file, and its certificate is not an operator's; \
@@ -45,7 +48,11 @@ impl Door {
             }
             Config::Ground(file) => {
                 let settings = settings(path, &file.venue, &beside_ground(&file.bus))?;
-                Ok(Door { settings, venue: file.venue, vehicles: file.vehicles.into_iter().collect() })
+                Ok(OperatorContext {
+                    settings,
+                    venue: file.venue,
+                    vehicles: file.vehicles.into_iter().collect(),
+                })
             }
             Config::Venue(_)
             | Config::Scene(_)
@@ -63,15 +70,33 @@ impl Door {
     ///
     /// # Errors
     /// The bus does not take the settings, or cannot listen; the system gives no random numbers.
-    pub fn open(&self) -> Result<Session, CliError> {
-        // An operator's tool counts no starts.
-        let own = membership::greeting(OPERATOR, Boot(0), &self.venue, Vec::new());
-        let own = own.map_err(|error| CliError::Fault(error.to_string()))?;
-        Session::open(self.settings.clone(), own).map_err(|error| match error {
+    pub fn open(&self) -> Result<LiveOperator, CliError> {
+        let settings = self.operator().map_err(|error| CliError::Fault(error.to_string()))?;
+        let session = Session::open(self.settings.clone()).map_err(|error| match error {
             BusError::Settings { .. } => CliError::Usage(error.to_string()),
             BusError::Listen { .. } | BusError::Thread(_) => CliError::Swarm(error.to_string()),
+        })?;
+        Ok(LiveOperator::new(session, settings))
+    }
+
+    fn operator(&self) -> Result<OperatorSettings, NoChance> {
+        // An operator's tool counts no starts.
+        let hello = membership::greeting(OPERATOR, Boot(0), &self.venue, Vec::new())?;
+        let places = 1..=self.venue.homes.len();
+        Ok(OperatorSettings {
+            hello: Hello { is_member: true, ..hello },
+            greets: true,
+            // Holder 0 is that of no operator.
+            holder: membership::draw()?.max(1),
+            expected: self.vehicles.clone(),
+            possible: places.filter_map(|id| u8::try_from(id).ok().map(VehicleId)).collect(),
         })
     }
+}
+
+/// Makes the error of an operator that cannot go on, which is a fault of the program.
+pub fn fault(fault: Fault) -> CliError {
+    CliError::Fault(fault.to_string())
 }
 
 /// Reads a span of seconds from the command line.

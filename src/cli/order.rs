@@ -6,25 +6,29 @@ use std::path::PathBuf;
 use std::time::Duration;
 
 use tomoswarm_proto::codec::VERSION;
-use tomoswarm_proto::{Message, OrderKind, RunId, VehicleId};
+use tomoswarm_proto::{OrderKind, RunId, VehicleId};
 
 use super::error::CliError;
-use super::operator::{Door, seconds};
+use super::operator::{OperatorContext, fault, seconds};
 use super::stop::Stop;
-use crate::run::door::ordering::{Fate, Ordering, Outcome, Wish};
-use crate::run::door::roll::Misfit;
-use crate::run::door::session::Session;
-use crate::run::door::status::{kind_name, ordered};
-use crate::time::Time;
+use crate::operator::fleet_view::Misfit;
+use crate::operator::names::{kind_name, ordered};
+use crate::operator::operator_actor::{In, Out};
+use crate::operator::outcome::{Outcome, VehicleOutcome};
+use crate::operator::want::Want;
+use crate::run::live_operator::LiveOperator;
 
-/// Messages taken before orders are looked after again.
-const AT_ONCE: usize = 1000;
+/// Between two looks at whether the command shall end.
+const LOOK: Duration = Duration::from_millis(100);
+/// The number of the only want of this command.
+const ONE: u32 = 0;
 
 /// Tell vehicles what to do; ends when their State shows it.
 ///
 /// The order is sent every 100 ms until every vehicle shows it, and is given up after the timeout. It is given by the lease
 /// that the ground station holds or the vehicles obey; whoever gave a higher order in between is named. A stopping order
-/// goes above a start of the same lease that comes in between.
+/// goes above a start of the same lease that comes in between. A start of a run is refused while the ground station drives
+/// another one.
 #[derive(clap::Args, Debug)]
 #[command(after_help = AFTER_HELP)]
 pub struct OrderArgs {
@@ -82,8 +86,8 @@ Examples:
   tomoswarm order operator.toml emergency             everyone stops at once
   tomoswarm order operator.toml start --take-over     in place of another ground station
 
-Exit codes: 0 every vehicle shows the order; 1 not in time, overruled, nobody heard, or a vehicle that does not fit; 2 bad
-usage or configuration.";
+Exit codes: 0 every vehicle shows the order; 1 not in time, overruled, nobody heard, a vehicle that does not fit, or a
+start of a run while another one is under way; 2 bad usage or configuration.";
 
 impl What {
     fn kind(self) -> OrderKind {
@@ -114,86 +118,78 @@ impl OrderArgs {
             }
             (_, _) => {}
         }
-        let door = Door::read(&self.config)?;
-        let wish = self.wish(&door)?;
+        let context = OperatorContext::read(&self.config)?;
         let stop = Stop::listen();
-        let session = door.open()?;
-        let outcome = deliver(&session, Ordering::new(session.now(), wish), &stop);
-        let troubles = session.troubles();
-        session.close();
-        let failed = |source| CliError::Write { path: "standard output".into(), source };
-        out.write_all(told(self.what.kind(), door.venue.hash(), &outcome).as_bytes()).map_err(failed)?;
+        let mut operator = context.open()?;
+        operator.tell(In::Want(ONE, self.want()));
+        let outcome = until_over(&mut operator, &stop)?;
+        let troubles = operator.session().troubles();
+        operator.close();
+        if let Some(refused) = outcome.refused {
+            return Err(CliError::Swarm(format!("not ordered: {refused}")));
+        }
+        let text = told(self.what.kind(), context.venue.hash(), &outcome);
+        out.write_all(text.as_bytes()).map_err(CliError::stdout)?;
         if outcome.is_done() { Ok(()) } else { Err(undone(self.what.kind(), &outcome, &troubles)) }
     }
 
-    fn wish(&self, door: &Door) -> Result<Wish, CliError> {
-        let holder =
-            getrandom::u64().map_err(|error| CliError::Fault(format!("no random numbers: {error}")))?;
-        let homes = door.venue.homes.len();
-        Ok(Wish {
+    fn want(&self) -> Want {
+        Want {
             kind: self.what.kind(),
-            begins: self.what == What::Start,
             vehicles: self.vehicles.iter().map(|id| VehicleId(*id)).collect(),
-            expected: door.vehicles.clone(),
-            possible: (1..=homes).filter_map(|id| u8::try_from(id).ok().map(VehicleId)).collect(),
             run: self.run.map(RunId),
+            begins: self.what == What::Start,
             take_over: self.take_over,
-            // Holder 0 is that of no operator.
-            holder: holder.max(1),
-            venue_hash: door.venue.hash(),
-            timeout: self.timeout,
-        })
+            within: self.timeout,
+        }
     }
 }
 
-/// Sends an order until it is over, or the command shall end.
-fn deliver(session: &Session, mut ordering: Ordering, stop: &Stop) -> Outcome {
+/// Waits until the want is over, or the command shall end.
+fn until_over(operator: &mut LiveOperator, stop: &Stop) -> Result<Outcome, CliError> {
     loop {
-        let now = session.now();
-        for order in ordering.act(now, session.is_linked()) {
-            session.mouth().publish(&Message::Order(order));
-        }
-        if let Some(outcome) = ordering.outcome(now) {
-            return outcome;
-        }
         if stop.is_asked() {
-            return ordering.outcome_so_far(now);
+            operator.tell(In::Withdraw(ONE));
         }
-        let first = session.hear(ordering.next(now));
-        let more = std::iter::from_fn(|| session.hear(Time::ZERO)).take(AT_ONCE);
-        for (at, heard) in first.into_iter().chain(more) {
-            ordering.hear(at, &heard);
+        let said = operator.go_on(operator.now() + LOOK, |_, _| {}).map_err(fault)?;
+        let over = said.into_iter().find_map(|out| match out {
+            Out::Ended(_, outcome) => Some(outcome),
+            Out::Publish(_) | Out::InForce(..) | Out::Cue(_) | Out::ScriptEnded(_) => None,
+        });
+        if let Some(outcome) = over {
+            return Ok(outcome);
         }
     }
 }
 
 fn told(kind: OrderKind, venue_hash: u64, outcome: &Outcome) -> String {
-    let line = |(id, fate): (&VehicleId, &Fate)| match fate {
-        Fate::Obeyed { after, by_ground } => {
+    let line = |(id, of): (&VehicleId, &VehicleOutcome)| match of {
+        VehicleOutcome::Obeyed { after, by_ground } => {
             let by_ground = if *by_ground { "; the ground station has gone on from there" } else { "" };
             format!("vehicle {id}: {} after {} ms{by_ground}\n", kind_name(kind), after.as_millis())
         }
-        Fate::Overruled(echo) => {
+        VehicleOutcome::Overruled(echo) => {
             let holder = echo.lease.holder;
             format!("vehicle {id}: overruled by {} (holder {holder:016x})\n", ordered(*echo))
         }
-        Fate::Ignored => format!("vehicle {id}: is heard, but has not obeyed\n"),
-        Fate::Unheard => format!("vehicle {id}: not heard\n"),
-        Fate::Foreign(Misfit::Venue(theirs)) => {
+        VehicleOutcome::Ignored => format!("vehicle {id}: is heard, but has not obeyed\n"),
+        VehicleOutcome::Unheard => format!("vehicle {id}: not heard\n"),
+        VehicleOutcome::Withdrawn => format!("vehicle {id}: something else is wanted of it\n"),
+        VehicleOutcome::Foreign(Misfit::Venue(theirs)) => {
             format!("vehicle {id}: has another venue file (hash {theirs:016x}, here {venue_hash:016x})\n")
         }
-        Fate::Foreign(Misfit::Version(theirs)) => {
+        VehicleOutcome::Foreign(Misfit::Version(theirs)) => {
             format!("vehicle {id}: speaks wire version {theirs}, here it is {VERSION}\n")
         }
     };
-    outcome.fates.iter().map(line).collect()
+    outcome.vehicles.iter().map(line).collect()
 }
 
 fn undone(kind: OrderKind, outcome: &Outcome, troubles: &[String]) -> CliError {
     let undone: BTreeSet<&VehicleId> = outcome
-        .fates
+        .vehicles
         .iter()
-        .filter(|(_, fate)| !matches!(fate, Fate::Obeyed { .. }))
+        .filter(|(_, of)| !matches!(of, VehicleOutcome::Obeyed { .. }))
         .map(|(id, _)| id)
         .collect();
     let ids: Vec<String> = undone.iter().map(ToString::to_string).collect();

@@ -65,15 +65,15 @@ pub(super) fn planned(scenario: &Scenario) -> Result<Sweep, SweepError> {
     let sim = scenario.sim();
     let places = sim.vehicle_ids().filter_map(|id| Some((id, sim.home(id)?))).collect();
     let request = Request { run: RunId(1), revision: Revision(1), places, first_lap: 0 };
-    plan(scenario.ring(), scenario.method(), sim.safety.separation_m, &request)
+    plan(scenario.ring(), scenario.method(), sim.venue.swarm.separation_m, &request)
 }
 
 fn summary(scenario: &Scenario, sweep: &Sweep) -> Result<String, CliError> {
     let sim = scenario.sim();
     let fault = |error: crate::sweep::PlanError| CliError::Fault(error.to_string());
-    let speed_mps = sim.vehicles.max_speed_mps;
+    let speed_mps = sim.vehicles.body.max_speed_mps;
     let duration_s = expected_duration_s(&sweep.plans, speed_mps).map_err(fault)?;
-    check_separation(&sweep.plans, sim.safety.separation_m).map_err(fault)?;
+    check_separation(&sweep.plans, sim.venue.swarm.separation_m).map_err(fault)?;
     let mut text = format!(
         "{}: {} positions around {:.1} x {:.1} m, {} laps, at least {:.1} min at {speed_mps} m/s\n\
          the plans keep all vehicles {:.2} m apart, whatever the delays (proven over all orders of legs)\n",
@@ -83,7 +83,7 @@ fn summary(scenario: &Scenario, sweep: &Sweep) -> Result<String, CliError> {
         sim.venue.area.height_m(),
         sweep.schedule.laps.len(),
         duration_s / 60.0,
-        sim.safety.separation_m,
+        sim.venue.swarm.separation_m,
     );
     for plan in &sweep.plans {
         let length_m: f64 = tracks_of(plan).iter().map(crate::geom::Track::length_m).sum();

@@ -8,12 +8,14 @@ use std::time::Duration;
 use tomoswarm_proto::VehicleId;
 
 use super::error::CliError;
-use super::operator::{Door, seconds};
+use super::operator::{OperatorContext, seconds};
+use super::preflight_text::{json, text};
+use super::screen;
 use super::status::listen;
 use super::stop::Stop;
-use crate::run::door::preflight::{Needs, inspect, is_go, json, text};
-use crate::run::door::roll::Roll;
-use crate::run::door::status::Expected;
+use crate::operator::fleet_view::FleetView;
+use crate::operator::preflight::{Needs, inspect, is_go};
+use crate::operator::status::Expected;
 use crate::time::Time;
 
 /// Look at everyone before a run: go or no-go.
@@ -62,32 +64,37 @@ impl PreflightArgs {
     /// # Errors
     /// A bad file, or anything that is no-go.
     pub fn run(&self, out: &mut dyn Write) -> Result<(), CliError> {
-        let door = Door::read(&self.config)?;
+        let context = OperatorContext::read(&self.config)?;
         let asked: BTreeSet<VehicleId> = self.vehicles.iter().map(|id| VehicleId(*id)).collect();
-        let named = if asked.is_empty() { door.vehicles.clone() } else { asked };
+        let named = if asked.is_empty() { context.vehicles.clone() } else { asked };
         let stop = Stop::listen();
-        let session = door.open()?;
-        let mut roll = Roll::default();
-        let is_enough = |roll: &Roll, now: Time| {
-            !named.is_empty() && is_go(&inspect(roll, &self.needs(&door, &named, roll, now), now))
+        let mut operator = context.open()?;
+        let is_enough = |view: &FleetView, now: Time| {
+            !named.is_empty() && is_go(&inspect(view, &self.needs(&context, &named, view, now), now))
         };
-        listen(&session, &mut roll, self.listen, &stop, is_enough);
-        let now = session.now();
-        session.close();
-        let nodes = inspect(&roll, &self.needs(&door, &named, &roll, now), now);
-        let text = if self.json { format!("{}\n", json(&nodes)) } else { text(&nodes) };
-        let failed = |source| CliError::Write { path: "standard output".into(), source };
-        out.write_all(text.as_bytes()).map_err(failed)?;
+        listen(&mut operator, self.listen, &stop, is_enough)?;
+        let (view, now) = (operator.view(), operator.now());
+        let nodes = inspect(view, &self.needs(&context, &named, view, now), now);
+        operator.close();
+        let width = screen::columns_of_stdout();
+        let text = if self.json { format!("{}\n", json(&nodes)) } else { text(&nodes, width) };
+        out.write_all(text.as_bytes()).map_err(CliError::stdout)?;
         if is_go(&nodes) { Ok(()) } else { Err(CliError::Swarm("no-go".to_owned())) }
     }
 
-    fn needs(&self, door: &Door, named: &BTreeSet<VehicleId>, roll: &Roll, now: Time) -> Needs {
-        let everyone = || Expected { vehicles: BTreeSet::new(), ground: true }.vehicles(roll, now);
+    fn needs(
+        &self,
+        context: &OperatorContext,
+        named: &BTreeSet<VehicleId>,
+        view: &FleetView,
+        now: Time,
+    ) -> Needs {
+        let everyone = || Expected { vehicles: BTreeSet::new(), ground: true }.vehicles(view, now);
         Needs {
             vehicles: if named.is_empty() { everyone() } else { named.clone() },
-            venue_hash: door.venue.hash(),
-            fence: door.venue.fence.clone(),
-            homes: door.venue.homes.clone(),
+            venue_hash: context.venue.hash(),
+            fence: context.venue.fence.clone(),
+            homes: context.venue.homes.clone(),
             pose_sd_max_m: self.pose_sd_max,
             software: crate::run::membership::SOFTWARE.to_owned(),
         }

@@ -16,13 +16,18 @@ pub const LIMIT_BYTES: u64 = 256 << 20;
 /// When it cannot be read, is larger than [`LIMIT_BYTES`], or is no UTF-8.
 pub fn text(path: &Path) -> Result<String, CliError> {
     let unreadable = |source| CliError::Read { path: path.to_owned(), source };
-    let unusable = |reason: String| CliError::Input { path: path.to_owned(), reason };
     let file = File::open(path).map_err(unreadable)?;
     if file.metadata().map_err(unreadable)?.is_dir() {
         return Err(unreadable(io::Error::from(io::ErrorKind::IsADirectory)));
     }
     let mut bytes = Vec::new();
     file.take(LIMIT_BYTES + 1).read_to_end(&mut bytes).map_err(unreadable)?;
+    text_of(path, bytes)
+}
+
+/// Returns what was read as text, unless there is too much of it or it is none.
+fn text_of(path: &Path, bytes: Vec<u8>) -> Result<String, CliError> {
+    let unusable = |reason: String| CliError::Input { path: path.to_owned(), reason };
     if bytes.len() as u64 > LIMIT_BYTES {
         return Err(unusable(format!("the file is too large; at most {LIMIT_BYTES} bytes are read")));
     }
@@ -31,6 +36,21 @@ pub fn text(path: &Path) -> Result<String, CliError> {
         let line = 1 + error.as_bytes()[..good].iter().filter(|byte| **byte == b'\n').count();
         CliError::Line { path: path.to_owned(), line, reason: "is no text (UTF-8 is expected)".to_owned() }
     })
+}
+
+/// The name that stands for standard input.
+pub const STANDARD_INPUT: &str = "-";
+
+/// Returns the text that comes from standard input, up to its end.
+///
+/// # Errors
+/// As for [`text`].
+pub fn standard_input() -> Result<String, CliError> {
+    let path = Path::new(STANDARD_INPUT);
+    let mut bytes = Vec::new();
+    let unreadable = |source| CliError::Read { path: path.to_owned(), source };
+    io::stdin().take(LIMIT_BYTES + 1).read_to_end(&mut bytes).map_err(unreadable)?;
+    text_of(path, bytes)
 }
 
 /// Gives a loader for a file and all that is named in it, by names such as [`shown`] gives of the file.

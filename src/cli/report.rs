@@ -282,6 +282,21 @@ fn ended(end: Option<&(Time, End)>) -> String {
         End::Stopped(at) => format!("stopped in front of something at {:.1}, {:.1} m", at.x_m, at.y_m),
         End::NoWay(places) => format!("found that no way leads to {places} of its places"),
         End::GaveUp(places) => format!("gave up {places} of its places"),
+        End::NoRoom => "gave up (its peers never made room)".to_owned(),
+        End::TooLarge => "gave up (its ground is too large to be searched)".to_owned(),
     };
     format!("{how} after {:.1} min", at.as_secs_f64() / 60.0)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_mission_without_places_does_not_give_up_some_of_them() {
+        let said = |end: End| ended(Some(&(Time::from_secs_f64(90.0), end)));
+        assert_eq!(said(End::NoRoom), "gave up (its peers never made room) after 1.5 min");
+        assert_eq!(said(End::TooLarge), "gave up (its ground is too large to be searched) after 1.5 min");
+        assert_eq!(said(End::GaveUp(2)), "gave up 2 of its places after 1.5 min");
+    }
 }

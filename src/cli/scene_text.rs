@@ -1,8 +1,8 @@
 //! What `tomoswarm scene` says of a scene, in a few lines for a person.
 
-use super::describe::{material_text, place};
 use super::scene::Depicted;
 use super::scene_pictures::Look;
+use crate::config::Material;
 use crate::config::Up;
 use crate::geom::Point;
 use crate::scene::VrmlShape;
@@ -158,4 +158,16 @@ fn place_line(depicted: &Depicted) -> Option<Line> {
         venue.homes.len()
     );
     Some(("place", text))
+}
+
+/// Describes what a body is made of.
+fn material_text(material: &Material) -> String {
+    let colour = material.colour.map(|[red, green, blue]| format!(", #{red:02x}{green:02x}{blue:02x}"));
+    let (inside, crossing) = (material.db_per_m, material.db_per_crossing);
+    format!("{inside} dB/m, {crossing} dB a crossing{}", colour.unwrap_or_default())
+}
+
+/// Writes a place of the plane.
+fn place(point: &Point) -> String {
+    format!("({}, {})", point.x_m, point.y_m)
 }

@@ -27,6 +27,14 @@ pub(super) struct Size {
     pub rows: usize,
 }
 
+/// Returns how many letters fit in a line of standard output; `None` = it is no terminal, and nothing is to be wrapped.
+#[cfg(feature = "net")]
+pub(super) fn columns_of_stdout() -> Option<usize> {
+    let term = console::Term::stdout();
+    let size = term.size_checked().filter(|_| term.is_term());
+    size.map(|(_, columns)| usize::from(columns))
+}
+
 /// The terminal behind standard error, taken over until this is dropped.
 #[derive(Debug)]
 pub(super) struct Screen {

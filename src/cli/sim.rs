@@ -221,7 +221,7 @@ impl SimArgs {
             complain(&format_args!("warning: {warning}"));
         }
         if let Some(until) = self.until {
-            loaded.sim.until = until;
+            loaded.sim.until_s = until.as_secs_f64();
         }
         Ok(loaded)
     }

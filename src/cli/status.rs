@@ -6,12 +6,15 @@ use std::time::Duration;
 
 use tomoswarm_proto::VehicleId;
 
+use super::answer::Answer;
 use super::error::CliError;
-use super::operator::{Door, seconds};
+use super::operator::{OperatorContext, fault, seconds};
+use super::screen;
+use super::status_text::{json, text};
 use super::stop::Stop;
-use crate::run::door::roll::Roll;
-use crate::run::door::session::Session;
-use crate::run::door::status::{Expected, json, text};
+use crate::operator::fleet_view::FleetView;
+use crate::operator::status::Expected;
+use crate::run::live_operator::LiveOperator;
 use crate::time::Time;
 
 /// Between two looks at whether the command shall end.
@@ -49,72 +52,67 @@ Examples:
   tomoswarm status operator.toml --watch              every second
   tomoswarm status operator.toml --json | jq .        for a script
 
-Exit codes: 0 all expected were heard; 1 somebody was not; 2 bad usage or configuration.";
+Exit codes: 0 all expected were heard, or --watch was ended by a closed pipe; 1 somebody was not; 2 bad usage or configuration.";
 
 impl StatusArgs {
     /// Listens and shows.
     ///
     /// # Errors
     /// A bad file, or somebody who was not heard.
-    pub fn run(&self, out: &mut dyn Write) -> Result<(), CliError> {
-        let door = Door::read(&self.config)?;
-        let expected = Expected { vehicles: door.vehicles.clone(), ground: true };
+    pub fn run(&self, out: &mut Answer) -> Result<(), CliError> {
+        let context = OperatorContext::read(&self.config)?;
+        let expected = Expected { vehicles: context.vehicles.clone(), ground: true };
         let stop = Stop::listen();
-        let session = door.open()?;
-        let mut roll = Roll::default();
-        let is_done = |roll: &Roll, now: Time| {
+        let mut operator = context.open()?;
+        let is_done = |view: &FleetView, now: Time| {
             // Without a list it is only known at the end who is there.
             !expected.vehicles.is_empty()
-                && expected.all_heard(roll, now)
-                && is_complete(roll, &expected, now)
+                && expected.all_heard(view, now)
+                && is_complete(view, &expected, now)
         };
-        listen(&session, &mut roll, self.listen, &stop, is_done);
-        self.show(out, &roll, &expected, session.now())?;
-        while self.watch && !stop.is_asked() {
-            listen(&session, &mut roll, WATCH, &stop, |_, _| false);
-            self.show(out, &roll, &expected, session.now())?;
+        listen(&mut operator, self.listen, &stop, is_done)?;
+        self.show(out, &operator, &expected)?;
+        // Who has heard enough (`| head`) ends it.
+        while self.watch && !stop.is_asked() && !out.is_closed() {
+            listen(&mut operator, WATCH, &stop, |_, _| false)?;
+            self.show(out, &operator, &expected)?;
         }
-        let now = session.now();
-        session.close();
-        let missing = expected.missing(&roll, now);
-        if missing.is_empty() {
+        let missing = expected.missing(operator.view(), operator.now());
+        operator.close();
+        if missing.is_empty() || self.watch && out.is_closed() {
             return Ok(());
         }
         Err(CliError::Swarm(format!("not heard: {}", missing.join(", "))))
     }
 
-    fn show(&self, out: &mut dyn Write, roll: &Roll, expected: &Expected, now: Time) -> Result<(), CliError> {
-        let clear = if self.watch && std::io::stdout().is_terminal() { "\x1b[H\x1b[2J" } else { "" };
+    fn show(&self, out: &mut Answer, operator: &LiveOperator, expected: &Expected) -> Result<(), CliError> {
+        let (view, now) = (operator.view(), operator.now());
+        let is_terminal = std::io::stdout().is_terminal();
+        let clear = if self.watch && is_terminal { "\x1b[H\x1b[2J" } else { "" };
         let text = match self.json {
-            true => format!("{}\n", json(roll, expected, now)),
-            false => format!("{clear}{}", text(roll, expected, now)),
+            true => format!("{}\n", json(view, expected, now)),
+            false => format!("{clear}{}", text(view, expected, now, screen::columns_of_stdout())),
         };
-        let written = out.write_all(text.as_bytes()).and_then(|()| out.flush());
-        written.map_err(|source| CliError::Write { path: "standard output".into(), source })
+        out.write_all(text.as_bytes()).and_then(|()| out.flush()).map_err(CliError::stdout)
     }
 }
 
 /// Listens for a while, until it is enough, or until the command shall end.
 pub(super) fn listen(
-    session: &Session,
-    roll: &mut Roll,
+    operator: &mut LiveOperator,
     span: Duration,
     stop: &Stop,
-    is_enough: impl Fn(&Roll, Time) -> bool,
-) {
-    let end = session.now() + span;
-    while session.now() < end && !stop.is_asked() {
-        if let Some((at, heard)) = session.hear(end.min(session.now() + LOOK)) {
-            roll.hear(at, &heard);
-        }
-        if is_enough(roll, session.now()) {
-            return;
-        }
+    is_enough: impl Fn(&FleetView, Time) -> bool,
+) -> Result<(), CliError> {
+    let end = operator.now() + span;
+    while operator.now() < end && !stop.is_asked() && !is_enough(operator.view(), operator.now()) {
+        operator.go_on(end.min(operator.now() + LOOK), |_, _| {}).map_err(fault)?;
     }
+    Ok(())
 }
 
 /// Tells whether all that is said regularly was heard of everyone.
-fn is_complete(roll: &Roll, expected: &Expected, now: Time) -> bool {
-    let is_whole = |id: VehicleId| roll.vehicle(id).is_some_and(|seen| seen.health.is_some());
-    expected.vehicles(roll, now).into_iter().all(is_whole)
+fn is_complete(view: &FleetView, expected: &Expected, now: Time) -> bool {
+    let is_whole = |id: VehicleId| view.vehicle(id).is_some_and(|seen| seen.health.is_some());
+    expected.vehicles(view, now).into_iter().all(is_whole)
 }

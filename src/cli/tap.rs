@@ -9,9 +9,9 @@ use tomoswarm_proto::VehicleId;
 
 use super::answer::{Answer, complain};
 use super::error::CliError;
-use super::operator::{Door, seconds};
+use super::operator::{OperatorContext, fault, seconds};
 use super::stop::Stop;
-use crate::run::door::tapping::{Tapping, kinds};
+use crate::run::tap::{Tapping, kinds};
 use crate::time::Time;
 
 /// Between two looks at whether the command shall end.
@@ -58,30 +58,34 @@ impl TapArgs {
     /// # Errors
     /// A bad file, or lines that cannot be written.
     pub fn run(&self, out: &mut Answer) -> Result<(), CliError> {
-        let door = Door::read(&self.config)?;
+        let context = OperatorContext::read(&self.config)?;
         let tapping = Tapping {
             kinds: self.kinds.iter().cloned().collect(),
             vehicles: self.vehicles.iter().map(|id| VehicleId(*id)).collect(),
             with_cells: self.cells,
         };
         let stop = Stop::listen();
-        let session = door.open()?;
-        let end = self.listen.map_or(Time::NEVER, |span| session.now() + span);
-        let failed = |source| CliError::Write { path: "standard output".into(), source };
-        let mut lines = 0;
-        while !stop.is_asked() && !out.is_closed() && session.now() < end {
-            if self.count.is_some_and(|count| lines >= count) {
-                break;
+        let mut operator = context.open()?;
+        let end = self.listen.map_or(Time::NEVER, |span| operator.now() + span);
+        let mut left = self.count.unwrap_or(u64::MAX);
+        while !stop.is_asked() && !out.is_closed() && operator.now() < end && left > 0 {
+            let mut heard = Vec::new();
+            let until = end.min(operator.now() + LOOK);
+            operator.go_on(until, |at, what| heard.push((at, what.clone()))).map_err(fault)?;
+            for (at, what) in heard {
+                let utc_s = operator.session().utc_s(at);
+                let line = tapping.line(at.as_secs_f64(), utc_s, &what);
+                let Some(line) = line.filter(|_| left > 0) else { continue };
+                left -= 1;
+                out.write_all(format!("{line}\n").as_bytes()).map_err(CliError::stdout)?;
             }
-            let Some((at, heard)) = session.hear(end.min(session.now() + LOOK)) else { continue };
-            let Some(line) = tapping.line(at.as_secs_f64(), session.utc_s(at), &heard) else { continue };
-            out.write_all(format!("{line}\n").as_bytes()).and_then(|()| out.flush()).map_err(failed)?;
-            lines += 1;
+            out.flush().map_err(CliError::stdout)?;
         }
-        if session.dropped() > 0 {
-            complain(&format!("{} messages came faster than they could be written", session.dropped()));
+        let dropped = operator.session().dropped();
+        if dropped > 0 {
+            complain(&format!("{dropped} messages came faster than they could be written"));
         }
-        session.close();
+        operator.close();
         Ok(())
     }
 }

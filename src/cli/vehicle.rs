@@ -57,8 +57,8 @@ impl VehicleArgs {
         let text = read::text(&self.config)?;
         let file: VehicleFile = config::read_vehicle(&name, &text, &mut read::around(&self.config))?;
         if self.check {
-            let text = describe(&Config::Vehicle(Box::new(file)));
-            return write!(out, "{name}: {text}").map_err(CliError::stdout);
+            let text = describe(&name, &Config::Vehicle(Box::new(file)), &[]);
+            return out.write_all(text.as_bytes()).map_err(CliError::stdout);
         }
         logging::begin(self.verbose);
         let stop = Stop::listen();

@@ -8,6 +8,7 @@ use super::answer::complain;
 use super::describe::describe;
 use super::error::CliError;
 use super::load;
+use super::read;
 use super::stop::Stop;
 use crate::config::{Config, bundled};
 use crate::run::link::Status;
@@ -92,14 +93,10 @@ impl WorldArgs {
     }
 
     fn plan(&self, scenario: &Scenario) -> String {
-        let described = describe(&Config::Sim(Box::new(scenario.sim().clone())));
         let name = self.config.as_deref().unwrap_or(Path::new(bundled::COURTYARD));
         let token = if self.token.is_some() { "as given" } else { "drawn at the start" };
-        format!(
-            "{}: {described}  world        would listen on {}, token {token}\n",
-            name.display(),
-            self.listen
-        )
+        let listens = [("world", format!("would listen on {}, token {token}", self.listen))];
+        describe(&read::shown(name), &Config::Sim(Box::new(scenario.sim().clone())), &listens)
     }
 }
 

@@ -9,6 +9,7 @@
 
 mod reading;
 
+use super::keys::read_values;
 use super::overlay::{Joined, Layer, Overlay};
 use super::section::Section;
 use super::source::Source;
@@ -107,12 +108,19 @@ pub struct Experiment {
     /// A plain name, fit to be part of a file's name.
     pub name: String,
     file: String,
+    /// The file's text, with what it names as it is seen from outside its folder.
+    text: String,
     with: Layer,
     /// One list for each of [`Axis::ALL`], none empty.
     axes: Vec<Vec<Choice>>,
 }
 
 impl Experiment {
+    /// Returns its file's text, in which files are named as they are opened.
+    pub fn text(&self) -> &str {
+        &self.text
+    }
+
     /// Gives the number of runs.
     pub fn runs(&self) -> usize {
         self.axes.iter().map(Vec::len).product()
@@ -296,8 +304,9 @@ impl Laid {
     }
 
     fn radius_m(&self, loader: &mut Loader) -> f64 {
-        let radius = self.look(loader, |root| Body::read_keys(&root.section("vehicles")).radius_m);
-        radius.unwrap_or(0.0)
+        let mut body = Body::default();
+        self.look(loader, |root| read_values(&mut body, &root.section("vehicles")));
+        body.radius_m
     }
 
     fn venue(&self, loader: &mut Loader) -> Option<Venue> {

@@ -3,7 +3,9 @@
 use toml::de::DeValue;
 use tomoswarm_proto::VehicleId;
 
+use super::keys::{Bounds, Choice, Entry, Form, Keys, Number, Words, written_list};
 use super::section::{Section, whole_of};
+use super::source::Source;
 use crate::time::Time;
 
 /// A restart takes this long unless the file says otherwise, seconds.
@@ -46,61 +48,136 @@ impl Fault {
     pub fn hits(&self, now: Time, vehicle: VehicleId) -> bool {
         self.from <= now && now < self.until && self.vehicles.contains(&vehicle)
     }
+}
 
-    pub(super) fn read(section: &Section, vehicles: usize) -> Fault {
-        let kind = read_kind(section);
-        let at_s = section.required_number("at_s", 0.0..=1e6);
-        let until_s = section.optional_number("until_s", 0.0..=1e6);
-        if section.has("at_s") && until_s.is_some_and(|until_s| until_s <= at_s) {
-            section.refuse("until_s", "is not after at_s", "a fault must last some time");
+/// The words for what goes wrong.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
+pub enum FaultWord {
+    /// No bus.
+    #[default]
+    Bus,
+    /// No radio.
+    Radio,
+    /// The software ends and starts again.
+    Restart,
+    /// The software ends for good.
+    Dead,
+    /// No range sensor.
+    Sensor,
+    /// No satellites.
+    Gps,
+    /// A charge at once.
+    Battery,
+}
+
+impl Choice for FaultWord {
+    const WORDS: &'static [(&'static str, FaultWord)] = &[
+        ("bus", FaultWord::Bus),
+        ("radio", FaultWord::Radio),
+        ("restart", FaultWord::Restart),
+        ("dead", FaultWord::Dead),
+        ("sensor", FaultWord::Sensor),
+        ("gps", FaultWord::Gps),
+        ("battery", FaultWord::Battery),
+    ];
+}
+
+/// A fault as it is written.
+#[derive(Clone, PartialEq, Debug, Default)]
+pub struct PlannedFault {
+    /// What goes wrong.
+    pub kind: FaultWord,
+    /// The charge that a battery has at once, 0 to 1.
+    pub charge: f64,
+    /// When it begins, seconds.
+    pub at_s: f64,
+    /// When it is over, seconds; `None` = not before the end.
+    pub until_s: Option<f64>,
+    /// For whom, ascending.
+    pub vehicles: Vec<VehicleId>,
+}
+
+impl PlannedFault {
+    /// Returns it in the run's time.
+    pub fn fault(&self) -> Fault {
+        let kind = match self.kind {
+            FaultWord::Bus => FaultKind::Bus,
+            FaultWord::Radio => FaultKind::Radio,
+            FaultWord::Restart => FaultKind::Restart,
+            FaultWord::Dead => FaultKind::Dead,
+            FaultWord::Sensor => FaultKind::Sensor,
+            FaultWord::Gps => FaultKind::Gps,
+            FaultWord::Battery => FaultKind::Battery(self.charge),
+        };
+        let until = self.until_s.map_or(Time::NEVER, Time::from_secs_f64);
+        Fault { from: Time::from_secs_f64(self.at_s), until, kind, vehicles: self.vehicles.clone() }
+    }
+
+    /// Shows the keys of a fault in a simulation of so many vehicles.
+    pub(super) fn keys(&mut self, vehicles: usize, to: &mut dyn Keys) {
+        let PlannedFault { kind, charge, at_s, until_s, vehicles: whom } = self;
+        let means = "`bus`, `radio`: hears and reaches nobody; `sensor`: no readings; `gps`: the deviation of the \
+                     place grows; `restart`: the software ends, and starts again at until_s; `dead`: it ends for good; \
+                     `battery`: has another charge at once";
+        to.word(kind, Words { name: "kind", default: "", means });
+        if *kind == FaultWord::Battery {
+            let means = "charge of the battery from then on; for `battery` only";
+            to.number(charge, Number { name: "charge", default: 0.1, allowed: 0.0..=1.0, means });
         }
-        if until_s.is_some() && matches!(kind, FaultKind::Dead | FaultKind::Battery(_)) {
-            section.refuse("until_s", "has no effect for this kind", "it must be left out");
+        let moment = |name, left_out, means| Bounds { name, left_out, allowed: 0.0..=1e6, means };
+        to.needed_number(at_s, moment("at_s", "needed", "when it begins"));
+        to.maybe_number(
+            until_s,
+            moment("until_s", "for good", "when it is over; a `restart` takes 3 s by itself"),
+        );
+        let means = "list of those that it hits, such as [1, 2]";
+        to.form(&mut Whom { whom, vehicles }, Entry { name: "vehicles", left_out: "all", means });
+    }
+
+    /// Checks its keys together; `key` is its full name. What depends on others is filled in.
+    pub(super) fn check(&mut self, source: &Source<'_>, key: &str) {
+        let until = format!("{key}.until_s");
+        if source.is_known(&format!("{key}.at_s")) && self.until_s.is_some_and(|until_s| until_s <= self.at_s)
+        {
+            source.refuse(&until, "is not after at_s", "a fault must last some time");
         }
-        let until_s = until_s.or_else(|| (kind == FaultKind::Restart).then_some(at_s + RESTART_S));
-        let vehicles = read_vehicles(section, vehicles);
-        section.finish();
-        let until = until_s.map_or(Time::NEVER, Time::from_secs_f64);
-        Fault { from: Time::from_secs_f64(at_s), until, kind, vehicles }
+        if self.until_s.is_some() && matches!(self.kind, FaultWord::Dead | FaultWord::Battery) {
+            source.refuse(&until, "has no effect for this kind", "it must be left out");
+        }
+        if self.kind == FaultWord::Restart {
+            self.until_s.get_or_insert(self.at_s + RESTART_S);
+        }
     }
 }
 
-fn read_kind(section: &Section) -> FaultKind {
-    let kinds = [
-        ("bus", FaultKind::Bus),
-        ("radio", FaultKind::Radio),
-        ("restart", FaultKind::Restart),
-        ("dead", FaultKind::Dead),
-        ("sensor", FaultKind::Sensor),
-        ("gps", FaultKind::Gps),
-        ("battery", FaultKind::Battery(0.0)),
-    ];
-    let names: Vec<&str> = kinds.iter().map(|(name, _)| *name).collect();
-    section.require("kind", &format!("one of {} is needed", names.join(", ")));
-    let kind = section.choice("kind", FaultKind::Bus, &kinds);
-    match kind {
-        FaultKind::Battery(_) => FaultKind::Battery(section.number("charge", 0.1, 0.0..=1.0)),
-        FaultKind::Bus
-        | FaultKind::Radio
-        | FaultKind::Restart
-        | FaultKind::Dead
-        | FaultKind::Sensor
-        | FaultKind::Gps => kind,
+/// The vehicles that a fault hits.
+struct Whom<'a> {
+    whom: &'a mut Vec<VehicleId>,
+    vehicles: usize,
+}
+
+impl Form for Whom<'_> {
+    fn written(&self) -> Option<String> {
+        Some(written_list(self.whom.iter().map(ToString::to_string)))
+    }
+
+    fn read(&mut self, section: &Section<'_>, key: &'static str) {
+        *self.whom = read_vehicles(section, key, self.vehicles);
     }
 }
 
 /// Reads whom it hits; all when that is left out.
-fn read_vehicles(section: &Section, count: usize) -> Vec<VehicleId> {
+fn read_vehicles(section: &Section<'_>, key: &'static str, count: usize) -> Vec<VehicleId> {
     let id = |number: usize| u8::try_from(number).ok().map(VehicleId);
-    if !section.has("vehicles") {
+    if !section.has(key) {
         return (1..=count).filter_map(id).collect();
     }
     let one = |value: &DeValue| whole_of(value).filter(|number| (1..=count).contains(number)).and_then(id);
-    let list = section.list("vehicles").unwrap_or_default();
+    let list = section.list(key).unwrap_or_default();
     let vehicles: Option<Vec<VehicleId>> = list.iter().map(|entry| one(entry.get_ref())).collect();
     let Some(mut vehicles) = vehicles.filter(|vehicles| !vehicles.is_empty()) else {
         let rule = format!("a list of vehicles, each from 1 to {count}, is allowed");
-        section.refuse("vehicles", "is no such list", &rule);
+        section.refuse(key, "is no such list", &rule);
         return Vec::new();
     };
     vehicles.sort();

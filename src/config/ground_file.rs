@@ -1,22 +1,24 @@
 //! The files of the ground station's node and of an operator's commands. Opens nothing of what they name but the venue.
 
-use std::time::Duration;
-
 use tomoswarm_proto::{RunId, VehicleId};
 
 use super::Loader;
-use super::bus_file::{BusFile, Role};
-use super::mission::{Imaging, Sweep};
-use super::radio::read_sensitivity_dbm;
+use super::bus_file::{BusFile, BusFileTable, Role};
+use super::forms::{Loaded, Text};
+use super::keys::{Bounds, Entry, Flag, Form, Keyed, Keys, read_table, written_list};
+use super::mission::{Imaging, Sweep, SweepTable, check_sweep};
+use super::radio::Reception;
 use super::section::{Section, whole_of};
 use super::sim::load;
-use super::vehicle::read_separation_m;
-use super::vehicle_file::{Record, VEHICLE_IDS, read_state_dir};
+use super::swarm::Swarm;
+use super::vehicle_file::{Record, VEHICLE_IDS, state_dir_key};
 use super::venue::Venue;
 
 /// What the ground station's node is told.
 #[derive(Clone, PartialEq, Debug)]
 pub struct GroundFile {
+    /// The file of the place, with its folder.
+    pub venue_file: String,
     /// The place.
     pub venue: Venue,
     /// The vehicles of the swarm, ascending.
@@ -27,14 +29,10 @@ pub struct GroundFile {
     pub sweep: Sweep,
     /// How images are made.
     pub imaging: Imaging,
-    /// Smallest distance between two vehicles, middle to middle, metres.
-    pub separation_m: f64,
-    /// The weakest packet that a receiver hears, dBm.
-    pub sensitivity_dbm: f64,
+    /// How well receivers hear.
+    pub reception: Reception,
     /// The run of the empty area with which images are compared.
     pub compare_with: Option<RunId>,
-    /// After this much silence the stops of a vehicle go to the others.
-    pub lost_after: Duration,
     /// Whether a living operator or ground station is displaced.
     pub take_over: bool,
     /// How it joins the bus.
@@ -46,48 +44,127 @@ pub struct GroundFile {
 }
 
 impl GroundFile {
-    pub(super) fn read(root: &Section, loader: &mut Loader) -> Option<GroundFile> {
-        let venue = load(root, "venue", loader, |root| Some(Venue::read(root)));
-        let vehicles = read_vehicles(root);
-        let state_dir = read_state_dir(root);
-        let sweep = Sweep::read(&root.section("sweep"), vehicles.len(), None);
-        let imaging = Imaging::read(&root.section("imaging"));
-        let separation_m = read_alone(&root.section("safety"), read_separation_m);
-        let sensitivity_dbm = read_alone(&root.section("radio"), read_sensitivity_dbm);
-        let compare_with = read_run(root);
-        let lost_after = root.duration("lost_after_s", 30.0, 1.0..=3600.0);
-        let take_over = root.flag("take_over", false);
-        let bus = BusFile::read(&root.section("bus"), Role::Ground);
-        let record = Record::read(&root.section("record"));
-        let operators_note = root.text("operators_note").unwrap_or_default();
-        root.finish();
-        let venue = venue?;
-        check_homes(root, &venue, &vehicles);
-        check_lost_after(root, lost_after, &bus);
-        if root.source.is_sound(&["venue", "vehicles", "sweep", "safety"]) {
-            super::sim::check_gaps(root, &venue, &sweep, vehicles.len(), separation_m);
+    /// Returns a file of nothing, to be filled.
+    pub(super) fn blank() -> GroundFile {
+        GroundFile {
+            venue_file: String::new(),
+            venue: Venue::blank(),
+            vehicles: Vec::new(),
+            state_dir: String::new(),
+            sweep: Sweep::default(),
+            imaging: Imaging::default(),
+            reception: Reception::default(),
+            compare_with: None,
+            take_over: false,
+            bus: BusFile::default(),
+            record: Record::default(),
+            operators_note: String::new(),
         }
-        Some(GroundFile {
-            venue,
+    }
+
+    pub(super) fn read(root: &Section<'_>, loader: &mut Loader) -> Option<GroundFile> {
+        let mut file = GroundFile::blank();
+        let venue = load(root, "venue", loader, |root| Some(Venue::read(root)));
+        let is_loaded = venue.is_some();
+        if let Some((name, venue)) = venue {
+            (file.venue_file, file.venue) = (name, venue);
+        }
+        read_table(&mut file, root);
+        check_sweep(root.source, &file.sweep, file.vehicles.len(), None);
+        file.bus.check(root.source, Role::Ground);
+        if !is_loaded || file.state_dir.is_empty() {
+            return None;
+        }
+        check_homes(root, &file.venue, &file.vehicles);
+        check_lost_after(root, &file.venue, &file.bus);
+        if root.source.is_sound(&["venue", "vehicles", "sweep"]) {
+            let apart_m = file.venue.swarm.separation_m;
+            super::sim::check_gaps(root, &file.venue, &file.sweep, file.vehicles.len(), apart_m);
+        }
+        Some(file)
+    }
+}
+
+impl Keyed for GroundFile {
+    fn keys(&mut self, to: &mut dyn Keys) {
+        let GroundFile {
+            venue_file,
+            venue: _,
             vehicles,
-            state_dir: state_dir?,
+            state_dir,
             sweep,
             imaging,
-            separation_m,
-            sensitivity_dbm,
+            reception,
             compare_with,
-            lost_after,
             take_over,
             bus,
             record,
             operators_note,
-        })
+        } = self;
+        let table = |name, means| Entry { name, left_out: "", means };
+        let left_out = "needed";
+        let means = "file of the place, the same on every node";
+        to.form(&mut Loaded(venue_file), Entry { name: "venue", left_out, means });
+        let means = "the vehicles of the swarm, such as [1, 2, 3]; sweeps are planned for 2 to 8";
+        to.form(&mut Vehicles(vehicles), Entry { name: "vehicles", left_out, means });
+        state_dir_key(state_dir, to);
+        let mut driven = SweepTable { sweep, mission: None };
+        to.table(&mut driven, table("sweep", "how a sweep is driven"));
+        to.table(imaging, table("imaging", "how images are made"));
+        to.table(&mut MovedSafety, table("safety", ""));
+        to.table(reception, table("radio", "how well receivers hear"));
+        let mut run = compare_with.and_then(|run| usize::try_from(run.0).ok());
+        to.maybe_whole(
+            &mut run,
+            Bounds {
+                name: "compare_with",
+                left_out: "none",
+                // The highest number is kept free: others count on from it.
+                allowed: 1..=u32::MAX as usize - 1,
+                means: "number of the run of the empty area, with which images are compared",
+            },
+        );
+        *compare_with = run.and_then(|run| u32::try_from(run).ok()).map(RunId);
+        let means = "displace an operator or ground station that lives";
+        to.flag(take_over, Flag { name: "take_over", default: false, means });
+        let mut joined = BusFileTable { bus, role: Role::Ground };
+        to.table(&mut joined, table("bus", "how it joins the bus"));
+        to.table(record, table("record", "its flight recording"));
+        let mut note = Some(std::mem::take(operators_note)).filter(|note| !note.is_empty());
+        let means = "text that is kept with the data";
+        to.form(&mut Text(&mut note), Entry { name: "operators_note", left_out: "", means });
+        *operators_note = note.unwrap_or_default();
+        Swarm::moved_silence(to);
+    }
+}
+
+/// The table `[safety]`, of which nothing is left in a ground station's file.
+struct MovedSafety;
+
+impl Keyed for MovedSafety {
+    fn keys(&mut self, to: &mut dyn Keys) {
+        Swarm::moved_margins(to);
+    }
+}
+
+/// The vehicles of a swarm, ascending.
+struct Vehicles<'a>(&'a mut Vec<VehicleId>);
+
+impl Form for Vehicles<'_> {
+    fn written(&self) -> Option<String> {
+        Some(written_list(self.0.iter().map(ToString::to_string)))
+    }
+
+    fn read(&mut self, section: &Section<'_>, key: &'static str) {
+        *self.0 = read_vehicles(section, key);
     }
 }
 
 /// What an operator's commands (`order`, `status`, `tap`, `preflight`) are told.
 #[derive(Clone, PartialEq, Debug)]
 pub struct OperatorFile {
+    /// The file of the place, with its folder.
+    pub venue_file: String,
     /// The place.
     pub venue: Venue,
     /// How they join the bus.
@@ -95,28 +172,38 @@ pub struct OperatorFile {
 }
 
 impl OperatorFile {
-    pub(super) fn read(root: &Section, loader: &mut Loader) -> Option<OperatorFile> {
+    /// Returns a file of nothing, to be filled.
+    pub(super) fn blank() -> OperatorFile {
+        OperatorFile { venue_file: String::new(), venue: Venue::blank(), bus: BusFile::default() }
+    }
+
+    pub(super) fn read(root: &Section<'_>, loader: &mut Loader) -> Option<OperatorFile> {
+        let mut file = OperatorFile::blank();
         let venue = load(root, "venue", loader, |root| Some(Venue::read(root)));
-        let bus = BusFile::read(&root.section("bus"), Role::Operator);
-        root.finish();
-        Some(OperatorFile { venue: venue?, bus })
+        read_table(&mut file, root);
+        file.bus.check(root.source, Role::Operator);
+        (file.venue_file, file.venue) = venue?;
+        Some(file)
     }
 }
 
-/// Reads a table of one key.
-fn read_alone(section: &Section, read: fn(&Section) -> f64) -> f64 {
-    let number = read(section);
-    section.finish();
-    number
+impl Keyed for OperatorFile {
+    fn keys(&mut self, to: &mut dyn Keys) {
+        let OperatorFile { venue_file, venue: _, bus } = self;
+        let means = "file of the place, the same on every node";
+        to.form(&mut Loaded(venue_file), Entry { name: "venue", left_out: "needed", means });
+        let mut joined = BusFileTable { bus, role: Role::Operator };
+        to.table(&mut joined, Entry { name: "bus", left_out: "", means: "how the commands join the bus" });
+    }
 }
 
-fn read_vehicles(root: &Section) -> Vec<VehicleId> {
+fn read_vehicles(root: &Section<'_>, key: &'static str) -> Vec<VehicleId> {
     let rule = "a list of different vehicles such as [1, 2, 3] is needed, each from 1 to 250";
-    root.require("vehicles", rule);
-    if !root.has("vehicles") {
+    root.require(key, rule);
+    if !root.has(key) {
         return Vec::new();
     }
-    let list = root.list("vehicles").unwrap_or_default();
+    let list = root.list(key).unwrap_or_default();
     let id = |number: usize| u8::try_from(number).ok().map(VehicleId);
     let numbers = list.iter().filter_map(|entry| whole_of(entry.get_ref()));
     let mut vehicles: Vec<VehicleId> =
@@ -124,19 +211,12 @@ fn read_vehicles(root: &Section) -> Vec<VehicleId> {
     vehicles.sort();
     vehicles.dedup();
     // The list of a swarm whose vehicles are not enrolled yet is empty; a value that is no list is not.
-    let is_list = root.list("vehicles").is_some();
+    let is_list = root.list(key).is_some();
     if !is_list || vehicles.len() != list.len() {
-        root.refuse("vehicles", "is no such list", rule);
+        root.refuse(key, "is no such list", rule);
         return Vec::new();
     }
     vehicles
-}
-
-fn read_run(root: &Section) -> Option<RunId> {
-    // The highest number is kept free: others count on from it.
-    let numbers = 1..=u32::MAX as usize - 1;
-    let run = root.has("compare_with").then(|| root.whole("compare_with", 1, numbers))?;
-    u32::try_from(run).ok().map(RunId)
 }
 
 fn check_homes(root: &Section, venue: &Venue, vehicles: &[VehicleId]) {
@@ -147,9 +227,12 @@ fn check_homes(root: &Section, venue: &Venue, vehicles: &[VehicleId]) {
     }
 }
 
-fn check_lost_after(root: &Section, lost_after: Duration, bus: &BusFile) {
-    if root.source.is_sound(&["lost_after_s", "bus.lease_s"]) && lost_after <= bus.lease {
-        let wrong = "is not longer than bus.lease_s, the silence that any link may have";
-        root.refuse("lost_after_s", wrong, "more than bus.lease_s is allowed");
+/// Refuses a lease that is no shorter than the silence after which a vehicle is lost.
+fn check_lost_after(root: &Section<'_>, venue: &Venue, bus: &BusFile) {
+    let lost_after_s = venue.swarm.lost_after_s;
+    if root.source.is_sound(&["bus.lease_s"]) && lost_after_s <= bus.lease_s {
+        let wrong =
+            format!("is a silence that any link may have, but a vehicle is lost after {lost_after_s} s");
+        root.source.refuse("bus.lease_s", &wrong, "less than lost_after_s of the venue is allowed");
     }
 }

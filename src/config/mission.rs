@@ -2,12 +2,16 @@
 
 use std::time::Duration;
 
+use super::keys::{Bounds, Choice, Entry, Form, Keyed, Keys, Number, Whole, Words};
 use super::section::{Section, whole_of};
+use super::source::Source;
+use super::vehicle::seconds;
 
 /// How the next stops are chosen.
-#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
 pub enum Planner {
     /// All drive laps at a constant gap and measure while driving; the gap changes between laps.
+    #[default]
     RotatingGap,
     /// One stands, the others drive: for comparison.
     Fan,
@@ -20,7 +24,7 @@ pub enum Planner {
 }
 
 /// How a sweep is driven.
-#[derive(Clone, PartialEq, Debug)]
+#[derive(Clone, PartialEq, Debug, Default)]
 pub struct Sweep {
     /// The planner.
     pub planner: Planner,
@@ -28,43 +32,73 @@ pub struct Sweep {
     pub positions: usize,
     /// Laps (rotating gap) or rounds (fan) of a sweep; `None`: as many as the planner needs.
     pub laps: Option<usize>,
-    /// How long a vehicle stays at a stop; the fan stops, the rotating gap measures while driving.
-    pub dwell: Duration,
-    /// How long it stays at most while it waits for a partner.
-    pub dwell_limit: Duration,
+    /// How long a vehicle stays at a stop, seconds; the fan stops, the rotating gap measures while driving.
+    pub dwell_s: f64,
+    /// How long it stays at most while it waits for a partner, seconds.
+    pub dwell_limit_s: f64,
+}
+
+impl Choice for Planner {
+    const WORDS: &'static [(&'static str, Planner)] = &[
+        ("rotating-gap", Planner::RotatingGap),
+        ("fan", Planner::Fan),
+        ("calibrate", Planner::Calibrate),
+        ("fan-corners", Planner::FanCorners),
+        ("fan-straight", Planner::FanStraight),
+    ];
 }
 
 impl Sweep {
-    /// Reads how a sweep of so many vehicles is driven; a mission may say the planner.
-    pub(super) fn read(section: &Section, vehicles: usize, mission: Option<Planner>) -> Sweep {
-        let names = [
-            ("rotating-gap", Planner::RotatingGap),
-            ("fan", Planner::Fan),
-            ("calibrate", Planner::Calibrate),
-            ("fan-corners", Planner::FanCorners),
-            ("fan-straight", Planner::FanStraight),
-        ];
-        let planner = section.choice("planner", mission.unwrap_or(Planner::RotatingGap), &names);
-        let positions = section.whole("positions", 76, 8..=2000);
-        if mission.is_some_and(|mission| mission != planner) {
-            section.refuse("planner", "is another one than mission.kind says", "leave one of them out");
-        }
-        // A fan has a round for every position that one may stand at.
-        let most_laps = match planner {
-            Planner::RotatingGap => 64,
-            Planner::Fan | Planner::Calibrate => positions,
-            Planner::FanCorners | Planner::FanStraight => 4,
-        };
-        let sweep = Sweep {
-            planner,
-            positions,
-            laps: section.has("laps").then(|| section.whole("laps", 8, 1..=most_laps)),
-            dwell: section.duration("dwell_s", 1.0, 0.0..=600.0),
-            dwell_limit: section.duration("dwell_limit_s", 30.0, 0.0..=3600.0),
-        };
-        section.finish();
-        check_sweep(section, &sweep, vehicles);
-        sweep
+    /// Returns how long a vehicle stays at a stop.
+    pub fn dwell(&self) -> Duration {
+        seconds(self.dwell_s)
+    }
+
+    /// Returns how long it stays at most while it waits for a partner.
+    pub fn dwell_limit(&self) -> Duration {
+        seconds(self.dwell_limit_s)
+    }
+}
+
+/// The table `[sweep]`; a mission may say the planner.
+pub(super) struct SweepTable<'a> {
+    pub(super) sweep: &'a mut Sweep,
+    pub(super) mission: Option<Planner>,
+}
+
+impl Keyed for SweepTable<'_> {
+    fn keys(&mut self, to: &mut dyn Keys) {
+        let Sweep { planner, positions, laps, dwell_s, dwell_limit_s } = &mut *self.sweep;
+        let default = self.mission.unwrap_or(Planner::RotatingGap).word();
+        let means = "how the next stops are chosen; the last three are for two vehicles, see `[mission]`";
+        to.word(planner, Words { name: "planner", default, means });
+        let means = "positions on the border of the area";
+        to.whole(positions, Whole { name: "positions", default: 76, allowed: 8..=2000, means });
+        to.maybe_whole(
+            laps,
+            Bounds {
+                name: "laps",
+                left_out: "the planner's own number",
+                allowed: 1..=most_laps(*planner, *positions),
+                means: "laps, or rounds of a fan, which may have as many as there are positions",
+            },
+        );
+        let means = "how long a vehicle stays at a stop (fan and patterns)";
+        to.number(dwell_s, Number { name: "dwell_s", default: 1.0, allowed: 0.0..=600.0, means });
+        let means = "how long it stays at most while it waits for a partner (fan and patterns)";
+        to.number(
+            dwell_limit_s,
+            Number { name: "dwell_limit_s", default: 30.0, allowed: 0.0..=3600.0, means },
+        );
+    }
+}
+
+/// Returns the most laps of a sweep; a fan has a round for every position that one may stand at.
+fn most_laps(planner: Planner, positions: usize) -> usize {
+    match planner {
+        Planner::RotatingGap => 64,
+        Planner::Fan | Planner::Calibrate => positions.max(1),
+        Planner::FanCorners | Planner::FanStraight => 4,
     }
 }
 
@@ -81,55 +115,63 @@ impl Planner {
     }
 }
 
-fn check_sweep(section: &Section, sweep: &Sweep, vehicles: usize) {
+/// Checks a sweep of so many vehicles; a mission may say the planner.
+pub(super) fn check_sweep(source: &Source<'_>, sweep: &Sweep, vehicles: usize, mission: Option<Planner>) {
+    if mission.is_some_and(|mission| mission != sweep.planner) {
+        let wrong = "is another one than mission.kind says";
+        source.refuse("sweep.planner", wrong, "leave one of them out");
+    }
     if sweep.planner.is_pattern() {
-        check_pattern(section, sweep, vehicles);
+        check_pattern(source, sweep, vehicles);
     }
     if sweep.planner == Planner::RotatingGap && vehicles * SMALLEST_GAP > sweep.positions {
         let wrong = format!("is too few for {vehicles} vehicles at least {SMALLEST_GAP} steps apart");
-        section.refuse("positions", &wrong, "4 positions a vehicle are needed");
+        source.refuse("sweep.positions", &wrong, "4 positions a vehicle are needed");
     }
-    if sweep.dwell_limit < sweep.dwell {
-        section.refuse("dwell_limit_s", "is shorter than dwell_s", "at least dwell_s is allowed");
+    if sweep.dwell_limit() < sweep.dwell() {
+        source.refuse("sweep.dwell_limit_s", "is shorter than dwell_s", "at least dwell_s is allowed");
     }
 }
 
-fn check_pattern(section: &Section, sweep: &Sweep, vehicles: usize) {
+fn check_pattern(source: &Source<'_>, sweep: &Sweep, vehicles: usize) {
     if !sweep.positions.is_multiple_of(4) {
         let rule = "a multiple of 4 is needed: the points along the border of a square lattice";
-        section.refuse("positions", "makes no square lattice", rule);
+        source.refuse("sweep.positions", "makes no square lattice", rule);
     }
     if vehicles != 2 {
         let wrong = format!("drives two vehicles, not {vehicles}");
-        section.refuse("planner", &wrong, "vehicles.count = 2 is needed");
+        source.refuse("sweep.planner", &wrong, "vehicles.count = 2 is needed");
     }
-    if section.has("laps") {
-        section.refuse("laps", "means nothing to a pattern", "leave it out: a pattern is driven once");
+    if source.is_known("sweep.laps") {
+        let wrong = "means nothing to a pattern";
+        source.refuse("sweep.laps", wrong, "leave it out: a pattern is driven once");
     }
 }
 
 /// How much a pixel counts for a link.
-#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
 pub enum Weights {
     /// The chord through the pixel (Siddon).
     Line,
     /// d^−½ inside an ellipse.
     Ellipse,
     /// One over the area of the smallest ellipse through the pixel.
+    #[default]
     InverseArea,
 }
 
 /// How an image is found from the links.
-#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
 pub enum Solver {
     /// Maximum a posteriori with an exponential covariance.
+    #[default]
     Map,
     /// Tikhonov, the classical reference.
     Tikhonov,
 }
 
 /// What is believed of an image before it is measured.
-#[derive(Clone, Copy, PartialEq, Debug)]
+#[derive(Clone, Copy, PartialEq, Debug, Default)]
 pub struct Prior {
     /// Standard deviation of a pixel, dB/m.
     pub sigma_db_per_m: f64,
@@ -138,7 +180,7 @@ pub struct Prior {
 }
 
 /// How images are made.
-#[derive(Clone, Copy, PartialEq, Debug)]
+#[derive(Clone, Copy, PartialEq, Debug, Default)]
 pub struct Imaging {
     /// Columns of the image (west to east).
     pub columns: usize,
@@ -166,49 +208,113 @@ pub struct Imaging {
     pub peaks: usize,
 }
 
-impl Imaging {
-    pub(super) fn read(section: &Section) -> Imaging {
-        let (columns, rows) = read_pixels(section);
-        let weights =
-            [("line", Weights::Line), ("ellipse", Weights::Ellipse), ("inverse-area", Weights::InverseArea)];
-        let imaging = Imaging {
+impl Choice for Weights {
+    const WORDS: &'static [(&'static str, Weights)] =
+        &[("line", Weights::Line), ("ellipse", Weights::Ellipse), ("inverse-area", Weights::InverseArea)];
+}
+
+impl Choice for Solver {
+    const WORDS: &'static [(&'static str, Solver)] = &[("map", Solver::Map), ("tikhonov", Solver::Tikhonov)];
+}
+
+impl Keyed for Imaging {
+    fn keys(&mut self, to: &mut dyn Keys) {
+        let Imaging {
             columns,
             rows,
-            weights: section.choice("weights", Weights::InverseArea, &weights),
-            width_m: section.number("width_m", 0.3, 0.01..=10.0),
-            solver: section.choice(
-                "solver",
-                Solver::Map,
-                &[("map", Solver::Map), ("tikhonov", Solver::Tikhonov)],
-            ),
-            bin_m: section.number("bin_m", 0.5, 0.05..=10.0),
-            prior: read_prior(&section.section("prior"), 0.45, 0.5),
-            structure_prior: read_prior(&section.section("structure_prior"), 0.55, 1.0),
-            min_link_m: section.number("min_link_m", 3.0, 0.0..=100.0),
-            rim_m: section.number("rim_m", 1.5, 0.0..=100.0),
-            peak_separation_m: section.number("peak_separation_m", 3.0, 0.0..=100.0),
-            peaks: section.whole("peaks", 5, 1..=1000),
+            weights,
+            width_m,
+            solver,
+            bin_m,
+            prior,
+            structure_prior,
+            min_link_m,
+            rim_m,
+            peak_separation_m,
+            peaks,
+        } = self;
+        let means = "columns and rows of the image, 2 to 400 each";
+        to.form(&mut Pixels { columns, rows }, Entry { name: "pixels", left_out: "[40, 40]", means });
+        let means = "how much a pixel counts for a link";
+        to.word(weights, Words { name: "weights", default: Weights::InverseArea.word(), means });
+        let means = "tuning width of the ellipses";
+        to.number(width_m, Number { name: "width_m", default: 0.3, allowed: 0.01..=10.0, means });
+        let means = "how an image is found from the links";
+        to.word(solver, Words { name: "solver", default: Solver::Map.word(), means });
+        let means = "size of the bins into which moving ends are sorted";
+        to.number(bin_m, Number { name: "bin_m", default: 0.5, allowed: 0.05..=10.0, means });
+        let left_out = "";
+        let means = "what is believed of changes; no effect with `solver` tikhonov";
+        let mut table = PriorTable { prior, sigma_db_per_m: 0.45, correlation_length_m: 0.5 };
+        to.table(&mut table, Entry { name: "prior", left_out, means });
+        let means = "what is believed of what stands; no effect with `solver` tikhonov";
+        let mut table =
+            PriorTable { prior: structure_prior, sigma_db_per_m: 0.55, correlation_length_m: 1.0 };
+        to.table(&mut table, Entry { name: "structure_prior", left_out, means });
+        let mut number = |value, name, default, means| {
+            to.number(value, Number { name, default, allowed: 0.0..=100.0, means });
         };
-        section.finish();
-        imaging
+        number(min_link_m, "min_link_m", 3.0, "links under this length are dropped");
+        number(rim_m, "rim_m", 1.5, "width of the rim in which no peak is looked for");
+        number(peak_separation_m, "peak_separation_m", 3.0, "smallest distance between two peaks");
+        let means = "the most objects that are reported";
+        to.whole(peaks, Whole { name: "peaks", default: 5, allowed: 1..=1000, means });
     }
 }
 
-fn read_prior(section: &Section, sigma_db_per_m: f64, correlation_length_m: f64) -> Prior {
-    let prior = Prior {
-        sigma_db_per_m: section.number("sigma_db_per_m", sigma_db_per_m, 0.001..=100.0),
-        correlation_length_m: section.number("correlation_length_m", correlation_length_m, 0.01..=100.0),
-    };
-    section.finish();
-    prior
+/// A table of a prior with its defaults.
+struct PriorTable<'a> {
+    prior: &'a mut Prior,
+    sigma_db_per_m: f64,
+    correlation_length_m: f64,
 }
 
-fn read_pixels(section: &Section) -> (usize, usize) {
+impl Keyed for PriorTable<'_> {
+    fn keys(&mut self, to: &mut dyn Keys) {
+        let Prior { sigma_db_per_m, correlation_length_m } = &mut *self.prior;
+        to.number(
+            sigma_db_per_m,
+            Number {
+                name: "sigma_db_per_m",
+                default: self.sigma_db_per_m,
+                allowed: 0.001..=100.0,
+                means: "standard deviation of a pixel",
+            },
+        );
+        to.number(
+            correlation_length_m,
+            Number {
+                name: "correlation_length_m",
+                default: self.correlation_length_m,
+                allowed: 0.01..=100.0,
+                means: "distance over which the covariance falls to 1/e",
+            },
+        );
+    }
+}
+
+/// The columns and rows of an image.
+struct Pixels<'a> {
+    columns: &'a mut usize,
+    rows: &'a mut usize,
+}
+
+impl Form for Pixels<'_> {
+    fn written(&self) -> Option<String> {
+        Some(format!("[{}, {}]", self.columns, self.rows))
+    }
+
+    fn read(&mut self, section: &Section<'_>, key: &'static str) {
+        (*self.columns, *self.rows) = read_pixels(section, key);
+    }
+}
+
+fn read_pixels(section: &Section<'_>, key: &'static str) -> (usize, usize) {
     let default = (40, 40);
-    if !section.has("pixels") {
+    if !section.has(key) {
         return default;
     }
-    let list = section.list("pixels").unwrap_or_default();
+    let list = section.list(key).unwrap_or_default();
     let numbers: Vec<usize> = list.iter().filter_map(|entry| whole_of(entry.get_ref())).collect();
     match numbers[..] {
         [columns, rows] if list.len() == 2 && (2..=400).contains(&columns) && (2..=400).contains(&rows) => {
@@ -216,40 +322,57 @@ fn read_pixels(section: &Section) -> (usize, usize) {
         }
         _ => {
             let allowed = "[columns, rows], each a whole number from 2 to 400, is allowed";
-            section.refuse("pixels", "is no such pair", allowed);
+            section.refuse(key, "is no such pair", allowed);
             default
         }
     }
 }
 
 /// How long slow actors think in virtual time; never zero.
-#[derive(Clone, Copy, PartialEq, Debug)]
+#[derive(Clone, Copy, PartialEq, Debug, Default)]
 pub struct Durations {
-    /// The imager, for one image.
-    pub imager: Duration,
-    /// The planner, for the next stops.
-    pub planner: Duration,
-    /// A vehicle's search for a route (A*).
-    pub route: Duration,
+    /// The imager, for one image, seconds.
+    pub imager_s: f64,
+    /// The planner, for the next stops, seconds.
+    pub planner_s: f64,
+    /// A vehicle's search for a route (A*), seconds.
+    pub route_s: f64,
 }
 
 impl Durations {
-    pub(super) fn read(section: &Section) -> Durations {
-        let allowed = 0.001..=600.0;
-        let durations = Durations {
-            imager: section.duration("imager_s", 2.0, allowed.clone()),
-            planner: section.duration("planner_s", 0.5, allowed.clone()),
-            route: section.duration("route_s", 0.05, allowed),
+    /// Returns how long the imager thinks.
+    pub fn imager(&self) -> Duration {
+        seconds(self.imager_s)
+    }
+
+    /// Returns how long the planner thinks.
+    pub fn planner(&self) -> Duration {
+        seconds(self.planner_s)
+    }
+
+    /// Returns how long a search for a route takes.
+    pub fn route(&self) -> Duration {
+        seconds(self.route_s)
+    }
+}
+
+impl Keyed for Durations {
+    fn keys(&mut self, to: &mut dyn Keys) {
+        let Durations { imager_s, planner_s, route_s } = self;
+        let mut number = |value, name, default, means| {
+            to.number(value, Number { name, default, allowed: 0.001..=600.0, means });
         };
-        section.finish();
-        durations
+        number(imager_s, "imager_s", 2.0, "for one image");
+        number(planner_s, "planner_s", 0.5, "for the next stops");
+        number(route_s, "route_s", 0.05, "for a vehicle's search for a route");
     }
 }
 
 /// What a simulation is to end with, all the time without a collision or a breach of the fence.
-#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
 pub enum Expect {
     /// Every sweep was driven to its end.
+    #[default]
     Finished,
     /// Every vehicle whose software runs is home.
     Home,
@@ -258,10 +381,20 @@ pub enum Expect {
 }
 
 /// What vehicles do when the sweep is done.
-#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
 pub enum End {
     /// They stay where they are.
     Hold,
     /// They drive home.
+    #[default]
     Return,
+}
+
+impl Choice for Expect {
+    const WORDS: &'static [(&'static str, Expect)] =
+        &[("finished", Expect::Finished), ("home", Expect::Home), ("held", Expect::Held)];
+}
+
+impl Choice for End {
+    const WORDS: &'static [(&'static str, End)] = &[("hold", End::Hold), ("return", End::Return)];
 }

@@ -6,6 +6,9 @@
 //! known one. (A serde twin with `deny_unknown_fields` would stop at its first mistake.) Units are in
 //! the key names; what is left out has a default.
 //!
+//! A key is declared once, where its value lives ([`keys`]): reading it, writing it ([`written`]) and its line in
+//! `configs/README.md` ([`key_tables`]) come from there.
+//!
 //! This module opens no files and reads no environment: content is passed in, and a simulation's
 //! venue and scene come from the `loader` of the caller. It does not read the scene's shapes (`.wrl`),
 //! places no random persons, and opens neither the certificates nor the folders that a node's file names.
@@ -15,22 +18,27 @@ mod bus_file;
 mod endpoint;
 mod experiment;
 mod fault;
+mod forms;
 mod ground_file;
+mod keys;
 mod mission;
 mod nearest;
 mod outline;
 mod overlay;
 mod problem;
 mod radio;
+mod range;
 mod scene;
 mod section;
 mod sim;
 mod source;
+mod swarm;
 mod task;
 mod vehicle;
 mod vehicle_file;
 mod venue;
 mod waypoint_file;
+mod written;
 
 use overlay::{Joined, Layer, Overlay};
 use section::Section;
@@ -39,20 +47,26 @@ use source::Source;
 pub use bus_file::{BusFile, Identity, Topology};
 pub use endpoint::{Endpoint, EndpointError, Protocol, is_host};
 pub use experiment::{Axis, Experiment, MOST_RUNS};
-pub use fault::{Fault, FaultKind};
+pub use fault::{Fault, FaultKind, FaultWord, PlannedFault};
 pub use ground_file::{GroundFile, OperatorFile};
+#[cfg(feature = "net")]
+pub(crate) use keys::quoted;
 pub use mission::{Durations, End, Expect, Imaging, Planner, Prior, Solver, Sweep, Weights};
 pub use problem::{Problem, Problems};
-pub use radio::{Bus, OwnRadio, Partition, Radio};
+pub use radio::{Bus, OwnRadio, Partition, PlannedPartition, Radio, Reception};
+pub use range::{Lobe, Look, RangeSensor, SensorMount};
 pub use scene::{Material, Object, Outline, Person, RandomPersons, SceneFile, Up};
 pub use sim::Sim;
-pub use task::Task;
-pub use vehicle::{Body, Craft, Flight, Lobe, Look, RangeSensor, Safety, Vehicles};
-pub use vehicle_file::{Record, VehicleFile, World};
+pub use swarm::Swarm;
+pub use task::{Mission, MissionKind, Task};
+pub use vehicle::{Body, Craft, Flight, Safety, Vehicles};
+pub use vehicle_file::{Driver, Drivers, PoseFile, Record, VehicleFile, World};
 pub use venue::{Datum, Venue};
 pub use waypoint_file::{
     Above, MOST_ITEMS, MOST_WAYPOINT_BYTES, MissionItem, SpeedOf, Spot, Target, Turning, WaypointFile,
 };
+
+pub use written::{key_tables, written};
 
 /// Gives the text of a file that another file names, or the reason why it cannot be read.
 pub type Loader<'a> = dyn FnMut(&str) -> Result<String, String> + 'a;

@@ -5,12 +5,17 @@ use std::time::Duration;
 use toml::de::DeValue;
 use tomoswarm_proto::{Sender, VehicleId};
 
+use super::keys::{Bounds, Entry, Form, Keyed, Keys, List, Number, Rowed, written_list};
 use super::section::{Section, whole_of};
+use super::source::Source;
+use super::swarm::Swarm;
 use crate::time::Time;
 
 /// Constants of the simulated radio: RSSI = P0 + power − 10 n log10 d − attenuation + fading + noise.
-#[derive(Clone, Copy, PartialEq, Debug)]
+#[derive(Clone, Copy, PartialEq, Debug, Default)]
 pub struct Radio {
+    /// What a vehicle sets of it.
+    pub own: OwnRadio,
     /// Carrier frequency, Hz.
     pub frequency_hz: f64,
     /// Received power at 1 m for a transmit power of 0 dBm, dBm.
@@ -21,81 +26,113 @@ pub struct Radio {
     pub rician_k: f64,
     /// Standard deviation of a packet around the link's mean, dB.
     pub packet_sd_db: f64,
-    /// RSSI at which half of all packets are lost, dBm.
-    pub sensitivity_dbm: f64,
+    /// How well a receiver hears.
+    pub reception: Reception,
     /// Width of the packet-error curve around the sensitivity, dB.
     pub sensitivity_slope_db: f64,
     /// Attenuation at which one object saturates, since energy leaks around it, dB.
     pub object_limit_db: f64,
-    /// Slot T of the beacon ring.
-    pub slot: Duration,
-    /// Channel number, part of the fading.
-    pub channel: u8,
-    /// Transmit power, dBm; beacons report it.
-    pub power_dbm: i8,
 }
 
-/// What a vehicle sets of its own radio, simulated or real.
-#[derive(Clone, Copy, PartialEq, Eq, Debug)]
-pub struct OwnRadio {
-    /// Channel number.
-    pub channel: u8,
-    /// Transmit power, dBm; beacons report it.
-    pub power_dbm: i8,
-    /// Slot T of the beacon ring.
-    pub slot: Duration,
+/// How well a receiver hears.
+#[derive(Clone, Copy, PartialEq, Debug, Default)]
+pub struct Reception {
+    /// RSSI at which half of all packets are lost, the weakest that are heard, dBm.
+    pub sensitivity_dbm: f64,
 }
 
-impl OwnRadio {
-    /// Reads its keys out of a table that may hold others.
-    pub(super) fn read_keys(section: &Section) -> OwnRadio {
-        let channel = section.whole("channel", 15, 11..=26);
-        let power_dbm = section.number("power_dbm", 0.0, -40.0..=30.0);
-        let own = OwnRadio {
-            channel: u8::try_from(channel).unwrap_or(u8::MAX),
-            power_dbm: libm::round(power_dbm) as i8,
-            slot: section.duration_ms("slot_ms", 50.0, 1.0..=5000.0),
-        };
-        if f64::from(own.power_dbm) != power_dbm {
-            section.refuse("power_dbm", "is no whole number", "beacons report whole dBm");
-        }
-        own
+impl Keyed for Reception {
+    fn keys(&mut self, to: &mut dyn Keys) {
+        let Reception { sensitivity_dbm } = self;
+        to.number(
+            sensitivity_dbm,
+            Number {
+                name: "sensitivity_dbm",
+                default: -100.0,
+                allowed: -150.0..=-20.0,
+                means: "strength at which half of the packets are lost",
+            },
+        );
     }
 }
 
-/// Reads the weakest packet that a receiver hears, dBm.
-pub(super) fn read_sensitivity_dbm(section: &Section) -> f64 {
-    section.number("sensitivity_dbm", -100.0, -150.0..=-20.0)
+/// What a vehicle sets of its own radio, simulated or real; slot and channel are the swarm's.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
+pub struct OwnRadio {
+    /// Transmit power, dBm; beacons report it.
+    pub power_dbm: i8,
+}
+
+impl Keyed for OwnRadio {
+    fn keys(&mut self, to: &mut dyn Keys) {
+        let OwnRadio { power_dbm } = self;
+        let means = "transmit power, a whole number; beacons report it";
+        to.form(&mut Power(power_dbm), Entry { name: "power_dbm", left_out: "0", means });
+    }
+}
+
+/// A transmit power in whole dBm.
+struct Power<'a>(&'a mut i8);
+
+impl Form for Power<'_> {
+    fn written(&self) -> Option<String> {
+        Some(self.0.to_string())
+    }
+
+    fn read(&mut self, section: &Section<'_>, key: &'static str) {
+        let power_dbm = section.number(key, 0.0, -40.0..=30.0);
+        *self.0 = libm::round(power_dbm) as i8;
+        if f64::from(*self.0) != power_dbm {
+            section.refuse(key, "is no whole number", "beacons report whole dBm");
+        }
+    }
 }
 
 impl Radio {
-    pub(super) fn read(section: &Section) -> Radio {
-        let own = OwnRadio::read_keys(section);
-        let radio = Radio {
-            frequency_hz: section.number("frequency_hz", 2.4e9, 1e8..=1e10),
-            p0_dbm: section.number("p0_dbm", -40.0, -90.0..=20.0),
-            exponent: section.number("exponent", 2.0, 1.0..=6.0),
-            rician_k: section.number("rician_k", 8.0, 0.0..=1e6),
-            packet_sd_db: section.number("packet_sd_db", 2.0, 0.0..=20.0),
-            sensitivity_dbm: read_sensitivity_dbm(section),
-            sensitivity_slope_db: section.number("sensitivity_slope_db", 2.0, 0.01..=20.0),
-            object_limit_db: section.number("object_limit_db", 30.0, 1.0..=200.0),
-            slot: own.slot,
-            channel: own.channel,
-            power_dbm: own.power_dbm,
-        };
-        section.finish();
-        radio
-    }
-
-    /// Gives what a vehicle sets of its own radio.
-    pub fn own(&self) -> OwnRadio {
-        OwnRadio { channel: self.channel, power_dbm: self.power_dbm, slot: self.slot }
-    }
-
-    /// Gives the wavelength, metres.
+    /// Returns the wavelength, metres.
     pub fn wavelength_m(&self) -> f64 {
         299_792_458.0 / self.frequency_hz
+    }
+}
+
+/// The table `[radio]` of a simulation, which may say what its venue does.
+pub(super) struct RadioTable<'a> {
+    pub(super) radio: &'a mut Radio,
+    pub(super) swarm: &'a mut Swarm,
+}
+
+impl Keyed for RadioTable<'_> {
+    fn keys(&mut self, to: &mut dyn Keys) {
+        let Radio {
+            own,
+            frequency_hz,
+            p0_dbm,
+            exponent,
+            rician_k,
+            packet_sd_db,
+            reception,
+            sensitivity_slope_db,
+            object_limit_db,
+        } = &mut *self.radio;
+        self.swarm.channel_key(to);
+        own.keys(to);
+        self.swarm.slot_key(to);
+        let number = |to: &mut dyn Keys, value, name, default, allowed, means| {
+            to.number(value, Number { name, default, allowed, means });
+        };
+        number(to, frequency_hz, "frequency_hz", 2.4e9, 1e8..=1e10, "carrier");
+        let means = "received at 1 m for a transmit power of 0 dBm";
+        number(to, p0_dbm, "p0_dbm", -40.0, -90.0..=20.0, means);
+        number(to, exponent, "exponent", 2.0, 1.0..=6.0, "path-loss exponent");
+        let means = "Rician factor of the static fading, linear; 0 is Rayleigh";
+        number(to, rician_k, "rician_k", 8.0, 0.0..=1e6, means);
+        let means = "standard deviation of a packet around the link's mean";
+        number(to, packet_sd_db, "packet_sd_db", 2.0, 0.0..=20.0, means);
+        reception.keys(to);
+        let means = "width of the packet-error curve around sensitivity_dbm";
+        number(to, sensitivity_slope_db, "sensitivity_slope_db", 2.0, 0.01..=20.0, means);
+        let means = "attenuation at which one object saturates, since energy leaks around it";
+        number(to, object_limit_db, "object_limit_db", 30.0, 1.0..=200.0, means);
     }
 }
 
@@ -118,59 +155,132 @@ impl Partition {
     }
 }
 
+/// A partition as it is written.
+#[derive(Clone, PartialEq, Debug, Default)]
+pub struct PlannedPartition {
+    /// When it begins, seconds.
+    pub from_s: f64,
+    /// When it is over, seconds.
+    pub until_s: f64,
+    /// The pieces, as in [`Partition`].
+    pub sides: Vec<Vec<Sender>>,
+}
+
+impl PlannedPartition {
+    /// Returns it in the run's time.
+    pub fn partition(&self) -> Partition {
+        let (from, until) = (Time::from_secs_f64(self.from_s), Time::from_secs_f64(self.until_s));
+        Partition { from, until, sides: self.sides.clone() }
+    }
+
+    fn keys(&mut self, vehicles: usize, to: &mut dyn Keys) {
+        let PlannedPartition { from_s, until_s, sides } = self;
+        let moment = |name, means| Bounds { name, left_out: "needed", allowed: 0.0..=1e6, means };
+        to.needed_number(from_s, moment("from_s", "when it begins"));
+        to.needed_number(until_s, moment("until_s", "when it is over"));
+        to.form(
+            &mut Sides { sides, vehicles },
+            Entry {
+                name: "sides",
+                left_out: "needed",
+                means: "lists of nodes such as `[[\"ground\"], [1, 2]]`; nodes on no side are one more side",
+            },
+        );
+    }
+}
+
 /// The simulated bus and its faults.
-#[derive(Clone, PartialEq, Debug)]
+#[derive(Clone, PartialEq, Debug, Default)]
 pub struct Bus {
-    /// Time from sending to arrival.
-    pub delay: Duration,
-    /// What is added to it at most, drawn for each message.
-    pub jitter: Duration,
+    /// Time from sending to arrival, milliseconds.
+    pub delay_ms: f64,
+    /// What is added to it at most, drawn for each message, milliseconds.
+    pub jitter_ms: f64,
     /// Share of messages that are lost, 0 to 1.
     pub drop_share: f64,
     /// Share of messages that come twice, 0 to 1.
     pub duplicate_share: f64,
     /// Times during which the bus is cut.
-    pub partitions: Vec<Partition>,
+    pub partitions: Vec<PlannedPartition>,
 }
 
 impl Bus {
-    pub(super) fn read(section: &Section, vehicles: usize) -> Bus {
-        let bus = Bus {
-            delay: section.duration_ms("delay_ms", 20.0, 0.01..=60_000.0),
-            jitter: section.duration_ms("jitter_ms", 10.0, 0.0..=60_000.0),
-            drop_share: section.number("drop_share", 0.0, 0.0..=0.99),
-            duplicate_share: section.number("duplicate_share", 0.0, 0.0..=1.0),
-            partitions: section
-                .sections("partition", 1000)
-                .iter()
-                .map(|partition| read_partition(partition, vehicles))
-                .collect(),
+    /// Returns the time from sending to arrival.
+    pub fn delay(&self) -> Duration {
+        Time::from_secs_f64(self.delay_ms * 1e-3).since(Time::ZERO)
+    }
+
+    /// Returns what is added to the delay at most.
+    pub fn jitter(&self) -> Duration {
+        Time::from_secs_f64(self.jitter_ms * 1e-3).since(Time::ZERO)
+    }
+
+    /// Checks the keys of its partitions together.
+    pub(super) fn check(&self, source: &Source<'_>) {
+        for (index, PlannedPartition { from_s, until_s, sides: _ }) in self.partitions.iter().enumerate() {
+            let key = |name: &str| format!("bus.partition[{index}].{name}");
+            let are_known = source.is_known(&key("from_s")) && source.is_known(&key("until_s"));
+            if are_known && until_s <= from_s {
+                source.refuse(&key("until_s"), "is not after from_s", "a partition must last some time");
+            }
+        }
+    }
+}
+
+/// The table `[bus]` of a simulation of so many vehicles.
+pub(super) struct BusTable<'a> {
+    pub(super) bus: &'a mut Bus,
+    pub(super) vehicles: usize,
+}
+
+impl Keyed for BusTable<'_> {
+    fn keys(&mut self, to: &mut dyn Keys) {
+        let Bus { delay_ms, jitter_ms, drop_share, duplicate_share, partitions } = &mut *self.bus;
+        let vehicles = self.vehicles;
+        let mut number = |value, name, default, allowed, means| {
+            to.number(value, Number { name, default, allowed, means });
         };
-        section.finish();
-        bus
+        number(delay_ms, "delay_ms", 20.0, 0.01..=60_000.0, "from sending to arrival");
+        let means = "what is added to it at most, drawn for each message";
+        number(jitter_ms, "jitter_ms", 10.0, 0.0..=60_000.0, means);
+        number(drop_share, "drop_share", 0.0, 0.0..=0.99, "share of the messages that are lost");
+        let means = "share of the messages that come twice";
+        number(duplicate_share, "duplicate_share", 0.0, 0.0..=1.0, means);
+        let keys = |row: &mut PlannedPartition, _, to: &mut dyn Keys| row.keys(vehicles, to);
+        let means = "times during which the bus is cut";
+        to.rows(&mut List { list: partitions, keys }, Rowed { name: "partition", most: 1000, means });
     }
 }
 
-fn read_partition(section: &Section, vehicles: usize) -> Partition {
-    let seconds = 0.0..=1e6;
-    let from_s = section.required_number("from_s", seconds.clone());
-    let until_s = section.required_number("until_s", seconds);
-    if section.has("from_s") && section.has("until_s") && until_s <= from_s {
-        section.refuse("until_s", "is not after from_s", "a partition must last some time");
-    }
-    let sides = read_sides(section, vehicles);
-    section.finish();
-    Partition { from: Time::from_secs_f64(from_s), until: Time::from_secs_f64(until_s), sides }
+/// The pieces of a bus that is cut.
+struct Sides<'a> {
+    sides: &'a mut Vec<Vec<Sender>>,
+    vehicles: usize,
 }
 
-fn read_sides(section: &Section, vehicles: usize) -> Vec<Vec<Sender>> {
+impl Form for Sides<'_> {
+    fn written(&self) -> Option<String> {
+        let node = |node: &Sender| match node {
+            Sender::Vehicle(id) => id.to_string(),
+            Sender::Ground => "\"ground\"".to_owned(),
+            Sender::Operator(_) => "\"operator\"".to_owned(),
+        };
+        Some(written_list(self.sides.iter().map(|side| written_list(side.iter().map(node)))))
+    }
+
+    fn read(&mut self, section: &Section<'_>, key: &'static str) {
+        *self.sides = read_sides(section, key, self.vehicles);
+    }
+}
+
+fn read_sides(section: &Section<'_>, key: &'static str, vehicles: usize) -> Vec<Vec<Sender>> {
     let rule =
         format!("lists of nodes are needed, such as [[\"ground\"], [1, 2]]; vehicles are 1 to {vehicles}");
-    section.require("sides", &rule);
-    if !section.has("sides") {
+    section.require(key, &rule);
+    if !section.has(key) {
         return Vec::new();
     }
-    let sides: Option<Vec<Vec<Sender>>> = section.list("sides").and_then(|list| {
+    let sides: Option<Vec<Vec<Sender>>> = section.list(key).and_then(|list| {
         let side = |entry: &DeValue| {
             let nodes = entry.as_array()?;
             nodes.iter().map(|node| node_of(node.get_ref(), vehicles)).collect()
@@ -179,13 +289,13 @@ fn read_sides(section: &Section, vehicles: usize) -> Vec<Vec<Sender>> {
     });
     let Some(sides) = sides.filter(|sides| !sides.is_empty() && sides.iter().all(|side| !side.is_empty()))
     else {
-        section.refuse("sides", "is no such list", &rule);
+        section.refuse(key, "is no such list", &rule);
         return Vec::new();
     };
     let mut nodes: Vec<Sender> = sides.concat();
     nodes.sort();
     if nodes.windows(2).any(|pair| pair[0] == pair[1]) {
-        section.refuse("sides", "names a node twice", "a node is on one side");
+        section.refuse(key, "names a node twice", "a node is on one side");
     }
     sides
 }

@@ -4,6 +4,10 @@
 
 use std::collections::BTreeMap;
 
+use super::forms::{FileName, MaybePlace, Name, Place, places};
+use super::keys::{
+    Bounds, Choice, Entry, Form, Keyed, Keys, List, Number, Numbers, Rowed, Whole, Words, quoted, read_table,
+};
 use super::outline::{CORNERS, simple_polygon};
 use super::section::{COORDINATE_M, Section};
 use crate::geom::{Point, Polygon};
@@ -12,16 +16,17 @@ use crate::geom::{Point, Polygon};
 const MOST_DB: f64 = 200.0;
 
 /// Which axis of the file of shapes points up.
-#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
 pub enum Up {
     /// y is up, as VRML97 has it: (x, y, z) in the file is (x, −z, y) here.
+    #[default]
     Y,
     /// z is up, as in the local frame.
     Z,
 }
 
 /// What a body does to radio that goes through it.
-#[derive(Clone, Copy, PartialEq, Debug)]
+#[derive(Clone, Copy, PartialEq, Debug, Default)]
 pub struct Material {
     /// Attenuation along the way inside, dB/m.
     pub db_per_m: f64,
@@ -37,7 +42,7 @@ impl Material {
 }
 
 /// An upright cylinder that stands for a person; not part of an empty sweep.
-#[derive(Clone, PartialEq, Debug)]
+#[derive(Clone, PartialEq, Debug, Default)]
 pub struct Person {
     /// A plain name.
     pub name: String,
@@ -52,7 +57,7 @@ pub struct Person {
 }
 
 /// Persons whose places the simulator draws from the seed, uniformly in the area, within these rules.
-#[derive(Clone, Copy, PartialEq, Debug)]
+#[derive(Clone, Copy, PartialEq, Debug, Default)]
 pub struct RandomPersons {
     /// How many.
     pub count: usize,
@@ -84,8 +89,14 @@ pub enum Outline {
     },
 }
 
+impl Default for Outline {
+    fn default() -> Outline {
+        Outline::Polygon(Polygon::new(Vec::new()))
+    }
+}
+
 /// An upright body with a constant footprint.
-#[derive(Clone, PartialEq, Debug)]
+#[derive(Clone, PartialEq, Debug, Default)]
 pub struct Object {
     /// A plain name.
     pub name: String,
@@ -139,30 +150,122 @@ impl SceneFile {
     }
 
     /// Reads a scene; what is wrong is noted at the source.
-    pub(super) fn read(root: &Section) -> SceneFile {
-        let wrl = root.text("wrl").map(|path| super::beside(root.source.file(), &path));
-        let offset = root.numbers("offset_m", &[0.0; 3], 3..=3, COORDINATE_M);
-        let scene = SceneFile {
-            name: root.name("name", "scene"),
-            wrl,
-            up: root.choice("up", Up::Y, &[("y", Up::Y), ("z", Up::Z)]),
-            offset_m: [offset[0], offset[1], offset[2]],
-            materials: root.entries("material").into_iter().map(read_material).collect(),
-            default_material: read_default_material(root),
-            persons: read_persons(root),
-            objects: read_objects(root),
-            random_persons: root.optional_section("random_persons").map(|section| read_random(&section)),
-        };
-        root.finish();
+    pub(super) fn read(root: &Section<'_>) -> SceneFile {
+        let mut scene = SceneFile::of_shapes(Up::Y);
+        read_table(&mut scene, root);
+        for (index, object) in scene.objects.iter().enumerate() {
+            if object.top_m <= object.bottom_m {
+                let key = format!("object[{index}].top_m");
+                root.refuse(&key, "is not above bottom_m", "a body needs a height");
+            }
+        }
         scene
     }
 }
 
-fn material_of(section: &Section, default: Material) -> Material {
-    Material {
-        db_per_m: section.number("db_per_m", default.db_per_m, 0.0..=MOST_DB),
-        db_per_crossing: section.number("db_per_crossing", default.db_per_crossing, 0.0..=MOST_DB),
-        colour: read_colour(section),
+impl Choice for Up {
+    const WORDS: &'static [(&'static str, Up)] = &[("y", Up::Y), ("z", Up::Z)];
+}
+
+impl Keyed for SceneFile {
+    fn keys(&mut self, to: &mut dyn Keys) {
+        let SceneFile {
+            name,
+            wrl,
+            up,
+            offset_m,
+            materials,
+            default_material,
+            persons,
+            objects,
+            random_persons,
+        } = self;
+        let means = "a plain name, part of the output folder's name";
+        let mut plain = Name { name, default: "scene".to_owned() };
+        to.form(&mut plain, Entry { name: "name", left_out: "scene", means });
+        let means = "file of shapes, VRML97; see [../scenes/README.md](../scenes/README.md)";
+        let mut file = FileName { name: wrl, needed: None };
+        to.form(&mut file, Entry { name: "wrl", left_out: "", means });
+        let mut offset = offset_m.to_vec();
+        to.numbers(
+            &mut offset,
+            Numbers {
+                name: "offset_m",
+                default: &[0.0; 3],
+                count: 3..=3,
+                allowed: COORDINATE_M,
+                means: "added to its coordinates once it stands upright (x, y, z)",
+            },
+        );
+        *offset_m = [offset[0], offset[1], offset[2]];
+        let means = "axis of the file of shapes that points up";
+        to.word(up, Words { name: "up", default: Up::Y.word(), means });
+        let left_out = "";
+        let means = "for shapes under `DEF NAME`";
+        to.named_tables(materials, Entry { name: "material", left_out, means });
+        let means = "for shapes without an entry";
+        let mut table = MaterialTable { material: default_material, default: Material::SOLID };
+        to.table(&mut table, Entry { name: "default_material", left_out, means });
+        let keys = |person: &mut Person, index, to: &mut dyn Keys| person.keys(index, to);
+        let means = "upright cylinders; not there in an empty sweep";
+        to.rows(&mut List { list: persons, keys }, Rowed { name: "person", most: 1000, means });
+        let keys = |object: &mut Object, index, to: &mut dyn Keys| object.keys(index, to);
+        let means = "upright bodies; the footprint is an outline or a circle";
+        to.rows(&mut List { list: objects, keys }, Rowed { name: "object", most: 10_000, means });
+        let means = "drawn from the seed";
+        to.maybe_table(random_persons, Entry { name: "random_persons", left_out: "none", means });
+    }
+}
+
+/// A material with its defaults.
+struct MaterialTable<'a> {
+    material: &'a mut Material,
+    default: Material,
+}
+
+impl Keyed for MaterialTable<'_> {
+    fn keys(&mut self, to: &mut dyn Keys) {
+        let Material { db_per_m, db_per_crossing, colour } = &mut *self.material;
+        to.number(
+            db_per_m,
+            Number {
+                name: "db_per_m",
+                default: self.default.db_per_m,
+                allowed: 0.0..=MOST_DB,
+                means: "attenuation inside a closed body",
+            },
+        );
+        to.number(
+            db_per_crossing,
+            Number {
+                name: "db_per_crossing",
+                default: self.default.db_per_crossing,
+                allowed: 0.0..=MOST_DB,
+                means: "attenuation of each crossing of an open sheet",
+            },
+        );
+        let left_out = "one not taken yet";
+        let means = "`\"#rrggbb\"`, in the pictures of `tomoswarm scene`";
+        to.form(&mut Colour(colour), Entry { name: "colour", left_out, means });
+    }
+}
+
+impl Keyed for Material {
+    fn keys(&mut self, to: &mut dyn Keys) {
+        MaterialTable { material: self, default: Material::NONE }.keys(to);
+    }
+}
+
+/// Red, green and blue.
+struct Colour<'a>(&'a mut Option<[u8; 3]>);
+
+impl Form for Colour<'_> {
+    fn written(&self) -> Option<String> {
+        self.0.map(|[red, green, blue]| quoted(&format!("#{red:02x}{green:02x}{blue:02x}")))
+    }
+
+    fn read(&mut self, section: &Section<'_>, _: &'static str) {
+        *self.0 = read_colour(section);
     }
 }
 
@@ -179,81 +282,116 @@ fn read_colour(section: &Section) -> Option<[u8; 3]> {
     Some([red, green, blue])
 }
 
-fn read_material((name, section): (String, Section)) -> (String, Material) {
-    let material = material_of(&section, Material::NONE);
-    section.finish();
-    (name, material)
-}
-
-fn read_default_material(root: &Section) -> Material {
-    let section = root.section("default_material");
-    let material = material_of(&section, Material::SOLID);
-    section.finish();
-    material
-}
-
-fn read_persons(root: &Section) -> Vec<Person> {
-    let read_person = |(index, section): (usize, Section)| {
-        let person = Person {
-            name: section.name("name", &format!("person-{}", index + 1)),
-            at: section.required_point("at_m"),
-            radius_m: section.number("radius_m", 0.3, 0.05..=2.0),
-            height_m: section.number("height_m", 1.8, 0.2..=3.0),
-            db_per_m: section.number("db_per_m", 10.0, 0.0..=MOST_DB),
-        };
-        section.finish();
-        person
+/// Shows the keys that all persons have, with the same defaults.
+fn person_keys(radius_m: &mut f64, height_m: &mut f64, db_per_m: &mut f64, to: &mut dyn Keys) {
+    let mut number = |value, name, default, allowed, means| {
+        to.number(value, Number { name, default, allowed, means });
     };
-    root.sections("person", 1000).into_iter().enumerate().map(read_person).collect()
+    number(radius_m, "radius_m", 0.3, 0.05..=2.0, "radius");
+    number(height_m, "height_m", 1.8, 0.2..=3.0, "height");
+    number(db_per_m, "db_per_m", 10.0, 0.0..=MOST_DB, "attenuation inside");
 }
 
-fn read_random(section: &Section) -> RandomPersons {
-    let persons = RandomPersons {
-        count: section.whole("count", 2, 0..=100),
-        keep_from_border_m: section.number("keep_from_border_m", 2.0, 0.0..=500.0),
-        keep_from_objects_m: section.number("keep_from_objects_m", 1.5, 0.0..=100.0),
-        apart_m: section.number("apart_m", 3.0, 0.0..=500.0),
-        radius_m: section.number("radius_m", 0.3, 0.05..=2.0),
-        height_m: section.number("height_m", 1.8, 0.2..=3.0),
-        db_per_m: section.number("db_per_m", 10.0, 0.0..=MOST_DB),
-    };
-    section.finish();
-    persons
-}
-
-fn read_objects(root: &Section) -> Vec<Object> {
-    let read_object = |(index, section): (usize, Section)| {
-        let object = Object {
-            name: section.name("name", &format!("object-{}", index + 1)),
-            outline: read_outline(&section),
-            bottom_m: section.number("bottom_m", 0.0, -10.0..=500.0),
-            top_m: section.number("top_m", 2.5, -10.0..=500.0),
-            material: material_of(&section, Material::SOLID),
-        };
-        if object.top_m <= object.bottom_m {
-            section.refuse("top_m", "is not above bottom_m", "a body needs a height");
-        }
-        section.finish();
-        object
-    };
-    root.sections("object", 10_000).into_iter().enumerate().map(read_object).collect()
-}
-
-fn read_outline(section: &Section) -> Outline {
-    if section.has("centre_m") || section.has("radius_m") {
-        let centre = section.required_point("centre_m");
-        let radius_m = section.required_number("radius_m", 0.01..=500.0);
-        if section.has("outline_m") {
-            section.refuse("outline_m", "stands beside a circle", "give outline_m, or centre_m and radius_m");
-        }
-        return Outline::Circle { centre, radius_m };
+impl Person {
+    fn keys(&mut self, index: usize, to: &mut dyn Keys) {
+        let Person { name, at, radius_m, height_m, db_per_m } = self;
+        let mut plain = Name { name, default: format!("person-{}", index + 1) };
+        let left_out = "person-N";
+        to.form(&mut plain, Entry { name: "name", left_out, means: "a plain name" });
+        let means = "where the axis stands, `[x, y]`";
+        to.form(&mut Place(at), Entry { name: "at_m", left_out: "needed", means });
+        person_keys(radius_m, height_m, db_per_m, to);
     }
-    let corners = section.required_points("outline_m", CORNERS);
-    if corners.is_empty() {
-        return Outline::Polygon(Polygon::new(corners));
+}
+
+impl Keyed for RandomPersons {
+    fn keys(&mut self, to: &mut dyn Keys) {
+        let RandomPersons {
+            count,
+            keep_from_border_m,
+            keep_from_objects_m,
+            apart_m,
+            radius_m,
+            height_m,
+            db_per_m,
+        } = self;
+        to.whole(count, Whole { name: "count", default: 2, allowed: 0..=100, means: "how many" });
+        let mut number = |value, name, default, allowed, means| {
+            to.number(value, Number { name, default, allowed, means });
+        };
+        let means = "smallest distance of an axis from the area's border";
+        number(keep_from_border_m, "keep_from_border_m", 2.0, 0.0..=500.0, means);
+        let means = "smallest distance of an axis from any shape";
+        number(keep_from_objects_m, "keep_from_objects_m", 1.5, 0.0..=100.0, means);
+        let means = "smallest distance between two axes, those of fixed persons included";
+        number(apart_m, "apart_m", 3.0, 0.0..=500.0, means);
+        person_keys(radius_m, height_m, db_per_m, to);
     }
-    Outline::Polygon(simple_polygon(corners).unwrap_or_else(|wrong| {
-        section.refuse("outline_m", &wrong, "corners in order around a simple outline are needed");
-        Polygon::new(Vec::new())
-    }))
+}
+
+impl Object {
+    fn keys(&mut self, index: usize, to: &mut dyn Keys) {
+        let Object { name, outline, bottom_m, top_m, material } = self;
+        let mut plain = Name { name, default: format!("object-{}", index + 1) };
+        let left_out = "object-N";
+        to.form(&mut plain, Entry { name: "name", left_out, means: "a plain name" });
+        outline.keys(to);
+        let mut number = |value, name, default, means| {
+            to.number(value, Number { name, default, allowed: -10.0..=500.0, means });
+        };
+        number(bottom_m, "bottom_m", 0.0, "height of the underside above z = 0");
+        number(top_m, "top_m", 2.5, "height of the top");
+        MaterialTable { material, default: Material::SOLID }.keys(to);
+    }
+}
+
+impl Keyed for Outline {
+    /// Shows the keys of both footprints: which of them stand in a file says which it is.
+    fn keys(&mut self, to: &mut dyn Keys) {
+        let (mut centre, mut radius) = match self {
+            Outline::Polygon(_) => (None, None),
+            Outline::Circle { centre, radius_m } => (Some(*centre), Some(*radius_m)),
+        };
+        let (left_out, means) = ("", "middle of a circle, `[x, y]`");
+        to.form(&mut MaybePlace(&mut centre), Entry { name: "centre_m", left_out, means });
+        let (allowed, means) = (0.01..=500.0, "radius of a circle");
+        to.maybe_number(&mut radius, Bounds { name: "radius_m", left_out: "none", allowed, means });
+        if let (Some(centre), Some(radius_m)) = (centre, radius) {
+            *self = Outline::Circle { centre, radius_m };
+        }
+        let means = "3 to 500 corners around a simple outline, convex or not";
+        to.form(&mut Footprint(self), Entry { name: "outline_m", left_out: "", means });
+    }
+}
+
+/// The corners of an outline, if it is no circle.
+struct Footprint<'a>(&'a mut Outline);
+
+impl Form for Footprint<'_> {
+    fn written(&self) -> Option<String> {
+        match &*self.0 {
+            Outline::Polygon(polygon) => Some(places(polygon.corners())),
+            Outline::Circle { .. } => None,
+        }
+    }
+
+    fn read(&mut self, section: &Section<'_>, key: &'static str) {
+        if section.has("centre_m") || section.has("radius_m") {
+            section.require("centre_m", "a place [x, y] in metres is needed");
+            section.require("radius_m", "a number from 0.01 to 500 is allowed");
+            if section.has(key) {
+                let allowed = "give outline_m, or centre_m and radius_m";
+                section.refuse(key, "stands beside a circle", allowed);
+            }
+            return;
+        }
+        let corners = section.required_points(key, CORNERS);
+        if corners.is_empty() {
+            return;
+        }
+        *self.0 = Outline::Polygon(simple_polygon(corners).unwrap_or_else(|wrong| {
+            section.refuse(key, &wrong, "corners in order around a simple outline are needed");
+            Polygon::new(Vec::new())
+        }));
+    }
 }

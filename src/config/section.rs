@@ -4,8 +4,7 @@
 
 use std::cell::RefCell;
 use std::fmt::Display;
-use std::ops::RangeInclusive;
-use std::time::Duration;
+use std::ops::{Range, RangeInclusive};
 
 use toml::Spanned;
 use toml::de::{DeTable, DeValue};
@@ -14,7 +13,6 @@ use super::nearest::nearest;
 use super::overlay::Layer;
 use super::source::{Class, Source};
 use crate::geom::Point;
-use crate::time::Time;
 
 /// The range of a coordinate of the local frame, metres.
 pub(super) const COORDINATE_M: RangeInclusive<f64> = -10_000.0..=10_000.0;
@@ -29,6 +27,7 @@ pub(super) struct Section<'s> {
     line: usize,
     table: Option<&'s DeTable<'s>>,
     asked: RefCell<Vec<&'static str>>,
+    moved: RefCell<Vec<&'static str>>,
 }
 
 impl<'s> Section<'s> {
@@ -43,7 +42,8 @@ impl<'s> Section<'s> {
         line: usize,
         table: Option<&'s DeTable<'s>>,
     ) -> Section<'s> {
-        Section { source, prefix, line, table, asked: RefCell::default() }
+        let (asked, moved) = (RefCell::default(), RefCell::default());
+        Section { source, prefix, line, table, asked, moved }
     }
 
     /// Gives the line in which it begins.
@@ -90,6 +90,15 @@ impl<'s> Section<'s> {
         }
     }
 
+    /// Returns the texts of all keys of some names, in it and in all tables in it, and where they stand.
+    pub(super) fn texts_of(&self, names: &[&str]) -> Vec<(Range<usize>, String)> {
+        let mut found = Vec::new();
+        if let Some(table) = self.table {
+            collect_texts(table, names, &mut found);
+        }
+        found
+    }
+
     /// Gives the full name of one of its keys.
     pub(super) fn full(&self, key: &str) -> String {
         format!("{}{key}", self.prefix)
@@ -123,26 +132,6 @@ impl<'s> Section<'s> {
         within
     }
 
-    /// Gives a span of time from a number of seconds.
-    pub(super) fn duration(
-        &self,
-        key: &'static str,
-        default_s: f64,
-        allowed_s: RangeInclusive<f64>,
-    ) -> Duration {
-        Time::from_secs_f64(self.number(key, default_s, allowed_s)).since(Time::ZERO)
-    }
-
-    /// Gives a span of time from a number of milliseconds.
-    pub(super) fn duration_ms(
-        &self,
-        key: &'static str,
-        default_ms: f64,
-        allowed_ms: RangeInclusive<f64>,
-    ) -> Duration {
-        Time::from_secs_f64(self.number(key, default_ms, allowed_ms) * 1e-3).since(Time::ZERO)
-    }
-
     /// Gives a whole number; the default when it is left out or wrong.
     pub(super) fn whole(&self, key: &'static str, default: usize, allowed: RangeInclusive<usize>) -> usize {
         let Some(value) = self.value(key) else { return self.fall_back(key, default) };
@@ -155,12 +144,22 @@ impl<'s> Section<'s> {
         within.unwrap_or(default)
     }
 
-    /// Notes that the command line replaces a whole number, which must be in range as well.
-    pub(super) fn replace(&self, key: &'static str, by: usize, allowed: RangeInclusive<usize>) {
-        let line = self.value(key).map_or(self.line, |value| self.source.line_of(value.span()));
-        self.source.remember_as(&self.full(key), line, format!("{by} (asked for)"));
+    /// Notes that the command line replaces a whole number of a table of its, which must be in range as well.
+    pub(super) fn replace_in(
+        &self,
+        table: &'static str,
+        key: &'static str,
+        by: usize,
+        allowed: RangeInclusive<usize>,
+    ) {
+        let full = format!("{}.{key}", self.full(table));
+        let table = self.table.and_then(|own| own.get(table)).filter(|table| !table.span().is_empty());
+        let value = table.and_then(|table| table.get_ref().as_table()).and_then(|table| table.get(key));
+        let stands = value.filter(|value| !value.span().is_empty()).or(table);
+        let line = stands.map_or(self.line, |stands| self.source.line_of(stands.span()));
+        self.source.remember_as(&full, line, format!("{by} (asked for)"));
         if !allowed.contains(&by) {
-            self.refuse(key, "is out of range", &whole_rule(&allowed));
+            self.source.refuse(&full, "is out of range", &whole_rule(&allowed));
         }
     }
 
@@ -332,16 +331,27 @@ impl<'s> Section<'s> {
         self.source.refuse(&self.full(key), wrong, allowed);
     }
 
+    /// Refuses a key that has moved to another file, and names its new place.
+    pub(super) fn refuse_moved(&self, key: &'static str, place: &str) {
+        self.moved.borrow_mut().push(key);
+        let value = self.table.and_then(|table| table.get(key)).filter(|value| !value.span().is_empty());
+        if let Some(value) = value {
+            let wrong = format!("{key} belongs into {place}");
+            self.refuse_value(key, value, &wrong, "leave it out here");
+        }
+    }
+
     /// Refuses every key that was not asked for.
     pub(super) fn finish(&self) {
         let asked = self.asked.borrow();
         for (key, _) in self.table.into_iter().flat_map(|table| table.iter()) {
             let name: &str = key.get_ref();
-            if asked.contains(&name) {
+            if asked.contains(&name) || self.moved.borrow().contains(&name) {
                 continue;
             }
             let advice = match nearest(name, &asked) {
                 Some(known) => format!("did you mean {known}?"),
+                None if asked.is_empty() => "no key is known here".to_owned(),
                 None => format!("known here: {}", asked.join(", ")),
             };
             let shown: String = name.chars().filter(|c| !c.is_control()).take(64).collect();
@@ -376,6 +386,27 @@ impl<'s> Section<'s> {
     fn refuse_value(&self, key: &str, value: Value<'s>, wrong: &str, rule: &str) {
         let (line, shown) = (self.source.line_of(value.span()), self.source.shown(value));
         self.source.note(Class::Value, line, &self.full(key), &shown, wrong, rule);
+    }
+}
+
+fn collect_texts(table: &DeTable<'_>, names: &[&str], found: &mut Vec<(Range<usize>, String)>) {
+    for (key, value) in table.iter() {
+        match value.get_ref() {
+            DeValue::Table(inner) => collect_texts(inner, names, found),
+            DeValue::Array(list) => {
+                for inner in list.iter().filter_map(|entry| entry.get_ref().as_table()) {
+                    collect_texts(inner, names, found);
+                }
+            }
+            DeValue::String(text) if names.contains(&&**key.get_ref()) => {
+                found.push((value.span(), text.to_string()));
+            }
+            DeValue::String(_)
+            | DeValue::Integer(_)
+            | DeValue::Float(_)
+            | DeValue::Boolean(_)
+            | DeValue::Datetime(_) => {}
+        }
     }
 }
 

@@ -6,13 +6,20 @@ use std::time::Duration;
 
 use tomoswarm_proto::VehicleId;
 
-use super::fault::Fault;
-use super::mission::{Durations, End, Expect, Imaging, Planner, SMALLEST_GAP, Sweep};
-use super::radio::{Bus, Radio};
-use super::scene::SceneFile;
+use super::fault::PlannedFault;
+use super::forms::Loaded;
+use super::keys::Choice;
+use super::keys::{Entry, Flag, Keyed, Keys, List, Number, Rowed, Whole, Words, read_table};
+use super::mission::{
+    Durations, End, Expect, Imaging, Planner, SMALLEST_GAP, Sweep, SweepTable, check_sweep,
+};
+use super::radio::{Bus, BusTable, Radio, RadioTable};
+use super::range::RangeSensor;
+use super::scene::{SceneFile, Up};
 use super::section::Section;
-use super::task::Task;
-use super::vehicle::{PARTY, RangeSensor, SWARM, Safety, Vehicles, check_ceiling, sight};
+use super::swarm::Swarm;
+use super::task::{Mission, Task};
+use super::vehicle::{PARTY, SWARM, Safety, Vehicles, VehiclesTable, check_ceiling, seconds, sight};
 use super::venue::Venue;
 use super::{Loader, beside, read_kind_over};
 use crate::geom::{Point, Segment};
@@ -21,8 +28,12 @@ use crate::plan::{Sight, SpeedError};
 /// A simulation as its file describes it, checked; a run needs nothing else but a seed.
 #[derive(Clone, PartialEq, Debug)]
 pub struct Sim {
-    /// The place.
+    /// The file of the place, with its folder.
+    pub venue_file: String,
+    /// The place, with what this simulation says of the swarm's contract laid over it.
     pub venue: Venue,
+    /// The file of the world, with its folder.
+    pub scene_file: String,
     /// The world.
     pub scene: SceneFile,
     /// The vehicles.
@@ -35,6 +46,8 @@ pub struct Sim {
     pub radio: Radio,
     /// The bus.
     pub bus: Bus,
+    /// What the vehicles are out for, as it is written.
+    pub mission: Mission,
     /// What the vehicles are out for.
     pub task: Task,
     /// How the sweep is driven.
@@ -45,14 +58,14 @@ pub struct Sim {
     pub imaging: Imaging,
     /// How long slow actors think.
     pub durations: Durations,
-    /// When the run is given up, virtual time.
-    pub until: Duration,
+    /// When the run is given up, seconds of virtual time.
+    pub until_s: f64,
     /// What vehicles do at the end.
     pub end: End,
     /// What the run is to end with.
     pub expect: Expect,
     /// What goes wrong on the way.
-    pub faults: Vec<Fault>,
+    pub faults: Vec<PlannedFault>,
     /// The seed, unless the command line gives another.
     pub seed: u64,
 }
@@ -72,7 +85,38 @@ impl Sim {
     /// Gives what a vehicle surely sees and how it stops, the one rule for its speed.
     pub fn sight(&self) -> Sight {
         let Sim { vehicles, range, safety, .. } = self;
-        sight(&vehicles.body(), &range.look(), safety, self.venue.cell_m, vehicles.pose_sd_m)
+        sight(&vehicles.body, &range.look, safety, self.venue.cell_m, vehicles.pose_sd_m)
+    }
+
+    /// Returns when the run is given up, virtual time.
+    pub fn until(&self) -> Duration {
+        seconds(self.until_s)
+    }
+
+    /// Returns a simulation of nothing, to be filled.
+    pub(super) fn blank() -> Sim {
+        Sim {
+            venue_file: String::new(),
+            venue: Venue::blank(),
+            scene_file: String::new(),
+            scene: SceneFile::of_shapes(Up::Y),
+            vehicles: Vehicles::default(),
+            range: RangeSensor::default(),
+            safety: Safety::default(),
+            radio: Radio::default(),
+            bus: Bus::default(),
+            mission: Mission::default(),
+            task: Task::default(),
+            sweep: Sweep::default(),
+            empty_sweep: false,
+            imaging: Imaging::default(),
+            durations: Durations::default(),
+            until_s: 0.0,
+            end: End::default(),
+            expect: Expect::default(),
+            faults: Vec::new(),
+            seed: 0,
+        }
     }
 
     /// Reads a simulation and the files that it names; `vehicles` replaces the number of vehicles, of which there may
@@ -85,61 +129,143 @@ impl Sim {
     ) -> Option<Sim> {
         let venue = load(root, "venue", loader, |root| Some(Venue::read(root)));
         let scene = load(root, "scene", loader, |root| Some(SceneFile::read(root)));
-        let (task, planner) = Task::read(&root.section("mission"), venue.as_ref(), loader);
-        let allowed = if task.is_planned_by_ground() { allowed } else { PARTY };
-        let fleet = Vehicles::read(&root.section("vehicles"), vehicles, allowed);
-        let count = fleet.count;
-        let ends = [("hold", End::Hold), ("return", End::Return)];
-        let (range, safety) =
-            (RangeSensor::read(&root.section("range")), Safety::read(&root.section("safety")));
-        let (radio, bus) = (Radio::read(&root.section("radio")), Bus::read(&root.section("bus"), count));
-        let sweep = Sweep::read(&root.section("sweep"), count.min(*SWARM.end()), planner);
-        let empty_sweep = root.flag("empty_sweep", false);
-        let imaging = Imaging::read(&root.section("imaging"));
-        let durations = Durations::read(&root.section("durations"));
-        let until = root.duration("until_s", 14_400.0, 1.0..=1e6);
-        let end = root.choice("end", End::Return, &ends);
-        let expectations = [("finished", Expect::Finished), ("home", Expect::Home), ("held", Expect::Held)];
-        let expect = root.choice("expect", Expect::Finished, &expectations);
-        let faults = root.sections("fault", 1000).iter().map(|fault| Fault::read(fault, count)).collect();
-        let seed = root.whole("seed", 1, 0..=i64::MAX as usize) as u64;
-        root.finish();
-        check_margins(root, &fleet, &safety);
-        let (venue, scene) = (venue?, scene?);
-        let vehicles = fleet;
-        let sim = Sim {
-            venue,
-            scene,
-            vehicles,
-            range,
-            safety,
-            radio,
-            bus,
-            task,
-            sweep,
-            empty_sweep,
-            imaging,
-            durations,
-            until,
-            end,
-            expect,
-            faults,
-            seed,
-        };
+        let are_loaded = venue.is_some() && scene.is_some();
+        let mut sim = Sim::blank();
+        if let Some((file, venue)) = venue {
+            (sim.venue_file, sim.venue) = (file, venue);
+        }
+        if let Some((file, scene)) = scene {
+            (sim.scene_file, sim.scene) = (file, scene);
+        }
+        read_table(&mut SimTable { sim: &mut sim, allowed: &allowed, asked: vehicles }, root);
+        if let Some(count) = vehicles {
+            root.replace_in("vehicles", "count", count, sim.allowed(&allowed));
+        }
+        sim.task = sim.mission.task(root.source, are_loaded.then_some(&sim.venue), loader);
+        sim.check_tables(root);
+        if !are_loaded {
+            return None;
+        }
         check_look_before_you_drive(root, &sim);
         check_ceiling(root, &sim.vehicles, sim.venue.ceiling_m);
         check_places(root, &sim);
         Some(sim)
     }
+
+    /// Returns how many vehicles there may be; only as many as the planners can keep apart follow plans.
+    fn allowed(&self, swarm: &RangeInclusive<usize>) -> RangeInclusive<usize> {
+        if self.mission.is_planned_by_ground() { swarm.clone() } else { PARTY }
+    }
+
+    /// Checks the keys of each table together, and fills in what depends on others.
+    fn check_tables(&mut self, root: &Section<'_>) {
+        let source = root.source;
+        self.range.look.check(source);
+        self.safety.check(source);
+        self.bus.check(source);
+        let sweeping = self.vehicles.count.min(*SWARM.end());
+        check_sweep(source, &self.sweep, sweeping, self.mission.planner());
+        for (index, fault) in self.faults.iter_mut().enumerate() {
+            fault.check(source, &format!("fault[{index}]"));
+        }
+        check_margins(root, self);
+    }
 }
 
-/// Loads a file that this one names; what is wrong with it is noted here too.
+/// A simulation's file; there may be as many vehicles as `allowed`, and the command line may have asked for another number
+/// than the file says.
+pub(super) struct SimTable<'a> {
+    pub(super) sim: &'a mut Sim,
+    pub(super) allowed: &'a RangeInclusive<usize>,
+    pub(super) asked: Option<usize>,
+}
+
+impl Keyed for SimTable<'_> {
+    fn keys(&mut self, to: &mut dyn Keys) {
+        let allowed = self.allowed;
+        let Sim {
+            venue_file,
+            venue,
+            scene_file,
+            scene: _,
+            vehicles,
+            range,
+            safety,
+            radio,
+            bus,
+            mission,
+            task: _,
+            sweep,
+            empty_sweep,
+            imaging,
+            durations,
+            until_s,
+            end,
+            expect,
+            faults,
+            seed,
+        } = &mut *self.sim;
+        let table = |name, means| Entry { name, left_out: "", means };
+        let file = |name, means| Entry { name, left_out: "needed", means };
+        to.form(&mut Loaded(venue_file), file("venue", "file of the place"));
+        to.form(&mut Loaded(scene_file), file("scene", "file of the simulated world"));
+        to.table(mission, table("mission", "what the vehicles are out for; also in a vehicle's file"));
+        let allowed = if mission.is_planned_by_ground() { allowed.clone() } else { PARTY };
+        let mut fleet = VehiclesTable { vehicles, allowed: allowed.clone() };
+        to.table(&mut fleet, table("vehicles", "the vehicles, all alike"));
+        // A number that was refused is not reckoned with.
+        vehicles.count = self.asked.filter(|count| allowed.contains(count)).unwrap_or(vehicles.count);
+        let count = vehicles.count;
+        to.table(range, table("range", "their range sensors"));
+        let mut margins = SafetyTable { safety, swarm: &mut venue.swarm };
+        to.table(&mut margins, table("safety", "the margins that they keep"));
+        let mut field = RadioTable { radio, swarm: &mut venue.swarm };
+        to.table(&mut field, table("radio", "the radio field"));
+        let mut cut = BusTable { bus, vehicles: count };
+        to.table(&mut cut, table("bus", "the simulated bus between the nodes"));
+        let mut driven = SweepTable { sweep, mission: mission.planner() };
+        to.table(&mut driven, table("sweep", "how a sweep is driven"));
+        let means = "begin with a sweep without the persons";
+        to.flag(empty_sweep, Flag { name: "empty_sweep", default: false, means });
+        to.table(imaging, table("imaging", "how images are made"));
+        to.table(durations, table("durations", "virtual time that thinking takes"));
+        let means = "end after this much virtual time";
+        to.number(until_s, Number { name: "until_s", default: 14_400.0, allowed: 1.0..=1e6, means });
+        to.word(end, Words { name: "end", default: End::Return.word(), means: "after the sweep" });
+        let means = "how the run is to end, without a collision: `finished` (all sweeps), `home` or `held` (every vehicle \
+                     whose software runs)";
+        to.word(expect, Words { name: "expect", default: Expect::Finished.word(), means });
+        let keys = |fault: &mut PlannedFault, _, to: &mut dyn Keys| fault.keys(count, to);
+        let means = "what goes wrong on the way";
+        to.rows(&mut List { list: faults, keys }, Rowed { name: "fault", most: 1000, means });
+        let mut number = *seed as usize;
+        let means = "of everything random; `--seed` replaces it";
+        let allowed = 0..=i64::MAX as usize;
+        to.whole(&mut number, Whole { name: "seed", default: 1, allowed, means });
+        *seed = number as u64;
+    }
+}
+
+/// The table `[safety]` of a simulation, which may say what its venue does.
+struct SafetyTable<'a> {
+    safety: &'a mut Safety,
+    swarm: &'a mut Swarm,
+}
+
+impl Keyed for SafetyTable<'_> {
+    fn keys(&mut self, to: &mut dyn Keys) {
+        self.safety.keys(to);
+        self.swarm.margins(to);
+    }
+}
+
+/// Loads a file that this one names, and returns its name with its folder; what is wrong with it is noted here too.
 pub(super) fn load<T>(
     root: &Section,
     kind: &'static str,
     loader: &mut Loader,
     read: impl FnOnce(&Section) -> Option<T>,
-) -> Option<T> {
+) -> Option<(String, T)> {
     let needed = format!("the name of a {kind} file is needed, relative to this file");
     root.require(kind, &needed);
     let named = root.text(kind)?;
@@ -152,7 +278,7 @@ pub(super) fn load<T>(
         }
     };
     match read_kind_over(&path, &text, root.source.overlay(), kind, read) {
-        Ok(value) => Some(value),
+        Ok(value) => Some((path, value)),
         Err(problems) => {
             root.source.absorb(problems);
             None
@@ -163,7 +289,7 @@ pub(super) fn load<T>(
 /// Refuses a speed at which a vehicle could not stop within what it surely sees.
 fn check_look_before_you_drive(root: &Section, sim: &Sim) {
     if root.source.is_sound(&["vehicles", "range", "safety"]) {
-        refuse_blind_speed(root, &sim.sight(), sim.vehicles.max_speed_mps, "vehicles.max_speed_mps");
+        refuse_blind_speed(root, &sim.sight(), sim.vehicles.body.max_speed_mps, "vehicles.max_speed_mps");
     }
 }
 
@@ -181,14 +307,15 @@ pub(super) fn refuse_blind_speed(root: &Section, sight: &Sight, speed_mps: f64, 
     root.source.refuse(key, &format!("the vehicle cannot look before it drives: {error}"), allowed);
 }
 
-fn check_margins(root: &Section, fleet: &Vehicles, safety: &Safety) {
+fn check_margins(root: &Section<'_>, sim: &Sim) {
+    let (fleet, swarm) = (&sim.vehicles, &sim.venue.swarm);
     let are_sound = root.source.is_sound(&["vehicles.radius_m", "safety.separation_m"]);
-    if are_sound && safety.separation_m <= 2.0 * fleet.radius_m {
+    if are_sound && swarm.separation_m <= 2.0 * fleet.body.radius_m {
         let wrong = "lets two vehicles touch: it is measured from middle to middle";
         root.source.refuse("safety.separation_m", wrong, "more than two vehicles.radius_m is allowed");
     }
     let are_sound = root.source.is_sound(&["vehicles.pose_sd_m", "safety.pose_sd_max_m"]);
-    if are_sound && fleet.pose_sd_m > safety.pose_sd_max_m {
+    if are_sound && fleet.pose_sd_m > swarm.pose_sd_max_m {
         let wrong = "is above safety.pose_sd_max_m: nothing would ever be measured";
         root.source.refuse("vehicles.pose_sd_m", wrong, "at most pose_sd_max_m is allowed");
     }
@@ -221,8 +348,8 @@ fn check_homes(root: &Section, sim: &Sim) {
         root.source.refuse("vehicles.count", &wrong, "at most one vehicle per home is allowed");
         return;
     }
-    let apart_m = sim.safety.separation_m;
-    let reach_m = sim.vehicles.radius_m + sim.safety.padding_m;
+    let apart_m = sim.venue.swarm.separation_m;
+    let reach_m = sim.vehicles.body.radius_m + sim.safety.padding_m;
     for (index, home) in homes.iter().take(count).enumerate() {
         if !sim.venue.fence.contains_disc(*home, reach_m) {
             let wrong = format!("home {} is nearer than {reach_m:.2} m to the fence", index + 1);
@@ -238,7 +365,7 @@ fn check_homes(root: &Section, sim: &Sim) {
 }
 
 fn check_nobody_at_home(root: &Section, sim: &Sim, number: usize, home: Point) {
-    let room_m = |radius_m: f64| sim.vehicles.radius_m + sim.safety.padding_m + radius_m;
+    let room_m = |radius_m: f64| sim.vehicles.body.radius_m + sim.safety.padding_m + radius_m;
     let is_there = |at: Point, radius_m: f64| at.distance_to(home) < room_m(radius_m);
     for person in sim.scene.persons.iter().filter(|person| is_there(person.at, person.radius_m)) {
         let wrong = format!("{} stands in the way of vehicle {number} at its home", person.name);
@@ -256,8 +383,8 @@ pub(super) fn check_task(root: &Section, task: &Task, venue: &Venue) {
 }
 
 fn check_ring(root: &Section, sim: &Sim) {
-    check_border(root, &sim.venue, sim.vehicles.radius_m + sim.safety.padding_m);
-    check_gaps(root, &sim.venue, &sim.sweep, sim.vehicles.count, sim.safety.separation_m);
+    check_border(root, &sim.venue, sim.vehicles.body.radius_m + sim.safety.padding_m);
+    check_gaps(root, &sim.venue, &sim.sweep, sim.vehicles.count, sim.venue.swarm.separation_m);
 }
 
 /// Refuses a fence that leaves less room around the area than a vehicle needs.

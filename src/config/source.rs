@@ -95,6 +95,11 @@ impl<'t> Source<'t> {
         &self.file
     }
 
+    /// Returns its text.
+    pub(super) fn text(&self) -> &'t str {
+        self.text
+    }
+
     /// Parses the text; what is no TOML is noted and left out of the tree.
     pub(super) fn parse(&self) -> Spanned<DeTable<'t>> {
         if self.text.len() > LIMIT_BYTES {
@@ -163,6 +168,13 @@ impl<'t> Source<'t> {
         let place = self.places.borrow().get(key).cloned();
         let Place { line, value } = place.unwrap_or(Place { line: 1, value: String::new() });
         self.note(Class::Value, line, key, &value, wrong, allowed);
+    }
+
+    /// Notes that a key must be there, by its full name.
+    pub(super) fn require(&self, key: &str, rule: &str) {
+        let table = key.rsplit_once('.').map_or("", |(table, _)| table);
+        let line = self.places.borrow().get(table).map_or(1, |place| place.line);
+        self.note(Class::Keys, line, key, "", "is missing", rule);
     }
 
     /// Tells whether a key was read so far: given or left out.

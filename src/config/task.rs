@@ -1,12 +1,15 @@
 //! The section `[mission]`: what every vehicle is out for. Without it vehicles sweep: they follow the plans of the
 //! ground station. What a mission does with its places is decided by the vehicle, see `node::mission`.
 
+use super::Loader;
+use super::forms::{FileName, MaybePlace, places};
+use super::keys::{Bounds, Choice, Entry, Form, Keyed, Keys, Number, Words};
 use super::mission::Planner;
 use super::problem::Problems;
-use super::section::{COORDINATE_M, Section};
+use super::section::Section;
+use super::source::Source;
 use super::venue::Venue;
 use super::waypoint_file::WaypointFile;
-use super::{Loader, beside};
 use crate::geom::{Point, Rect};
 
 /// The most places of a mission.
@@ -43,34 +46,255 @@ pub enum Task {
 }
 
 /// The words for the kinds of missions.
-#[derive(Clone, Copy)]
-enum Kind {
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
+pub enum MissionKind {
+    /// As the ground station plans.
+    #[default]
     Sweep,
+    /// A sweep by the original's calibration.
     Calibrate,
+    /// A sweep by the original's fan.
     Fan,
+    /// A sweep by the original's straight fan.
     FanStraight,
+    /// Straight around a square.
     Square,
+    /// Straight from place to place.
     Waypoints,
+    /// Straight ahead.
     Forward,
+    /// A look around.
     Browse,
+    /// All that can be reached, near to objects first.
     Search,
+    /// Places on paths around what is seen.
     Pathfind,
+    /// All that can be reached, together.
     Explore,
 }
 
-const KINDS: [(&str, Kind); 11] = [
-    ("sweep", Kind::Sweep),
-    ("calibrate", Kind::Calibrate),
-    ("fan", Kind::Fan),
-    ("fan-straight", Kind::FanStraight),
-    ("square", Kind::Square),
-    ("waypoints", Kind::Waypoints),
-    ("forward", Kind::Forward),
-    ("browse", Kind::Browse),
-    ("search", Kind::Search),
-    ("pathfind", Kind::Pathfind),
-    ("explore", Kind::Explore),
-];
+impl Choice for MissionKind {
+    const WORDS: &'static [(&'static str, MissionKind)] = &[
+        ("sweep", MissionKind::Sweep),
+        ("calibrate", MissionKind::Calibrate),
+        ("fan", MissionKind::Fan),
+        ("fan-straight", MissionKind::FanStraight),
+        ("square", MissionKind::Square),
+        ("waypoints", MissionKind::Waypoints),
+        ("forward", MissionKind::Forward),
+        ("browse", MissionKind::Browse),
+        ("search", MissionKind::Search),
+        ("pathfind", MissionKind::Pathfind),
+        ("explore", MissionKind::Explore),
+    ];
+}
+
+/// The table `[mission]` as it is written; [`Task`] is what follows from it.
+#[derive(Clone, PartialEq, Debug, Default)]
+pub struct Mission {
+    /// Which mission.
+    pub kind: MissionKind,
+    /// Side of the square, metres.
+    pub size_m: Option<f64>,
+    /// Middle of the square.
+    pub centre_m: Option<Point>,
+    /// The places, unless a file says them.
+    pub waypoints_m: Vec<Point>,
+    /// The file of places.
+    pub file: Option<String>,
+    /// How far straight ahead, metres.
+    pub distance_m: f64,
+}
+
+impl Mission {
+    /// Returns a mission of every kind, for those who want to see all keys.
+    pub(super) fn each() -> Vec<Mission> {
+        MissionKind::WORDS.iter().map(|(_, kind)| Mission { kind: *kind, ..Mission::default() }).collect()
+    }
+
+    /// Returns whether the ground station plans it.
+    pub(super) fn is_planned_by_ground(&self) -> bool {
+        match self.kind {
+            MissionKind::Sweep | MissionKind::Calibrate | MissionKind::Fan | MissionKind::FanStraight => true,
+            MissionKind::Square
+            | MissionKind::Waypoints
+            | MissionKind::Forward
+            | MissionKind::Browse
+            | MissionKind::Search
+            | MissionKind::Pathfind
+            | MissionKind::Explore => false,
+        }
+    }
+
+    /// Returns the planner that its kind of sweep needs.
+    pub(super) fn planner(&self) -> Option<Planner> {
+        match self.kind {
+            MissionKind::Calibrate => Some(Planner::Calibrate),
+            MissionKind::Fan => Some(Planner::FanCorners),
+            MissionKind::FanStraight => Some(Planner::FanStraight),
+            MissionKind::Sweep
+            | MissionKind::Square
+            | MissionKind::Waypoints
+            | MissionKind::Forward
+            | MissionKind::Browse
+            | MissionKind::Search
+            | MissionKind::Pathfind
+            | MissionKind::Explore => None,
+        }
+    }
+
+    /// Returns what follows from it, with the waypoint file that it may name; a square lies in the middle of the venue's
+    /// area unless it says where.
+    pub(super) fn task(&mut self, source: &Source<'_>, venue: Option<&Venue>, loader: &mut Loader) -> Task {
+        match self.kind {
+            MissionKind::Sweep | MissionKind::Calibrate | MissionKind::Fan | MissionKind::FanStraight => {
+                Task::Sweep
+            }
+            MissionKind::Square => Task::Legs { places: self.square(source, venue) },
+            MissionKind::Waypoints => Task::Legs { places: self.places(source, venue, loader) },
+            MissionKind::Forward => Task::Forward { distance_m: self.distance_m },
+            MissionKind::Browse => Task::Browse,
+            MissionKind::Search => Task::Search,
+            MissionKind::Pathfind if self.has_places() => {
+                Task::Pathfind { places: self.places(source, venue, loader) }
+            }
+            MissionKind::Pathfind => {
+                let mut places = self.square(source, venue);
+                places.pop();
+                Task::Pathfind { places }
+            }
+            MissionKind::Explore => Task::Explore,
+        }
+    }
+
+    fn has_places(&self) -> bool {
+        self.file.is_some() || !self.waypoints_m.is_empty()
+    }
+
+    /// Returns the places, given as they are or by a file.
+    fn places(&self, source: &Source<'_>, venue: Option<&Venue>, loader: &mut Loader) -> Vec<Point> {
+        let Some(path) = &self.file else { return self.waypoints_m.clone() };
+        let text = match loader(path) {
+            Ok(text) => text,
+            Err(reason) => {
+                let needed = "a waypoint file (QGC WPL 110) or a plan of QGroundControl is needed";
+                source.refuse(FILE, &format!("{path} cannot be read: {reason}"), needed);
+                return Vec::new();
+            }
+        };
+        match (WaypointFile::read(path, &text), venue) {
+            (Err(problems), _) => {
+                source.absorb(problems);
+                Vec::new()
+            }
+            (Ok(_), None) => Vec::new(),
+            (Ok(file), Some(venue)) => places_of(source, path, &file, venue),
+        }
+    }
+
+    /// Returns a square, and fills in what was left out: its corners as the original's mission drives them, the first
+    /// north-west, and that again at the end.
+    fn square(&mut self, source: &Source<'_>, venue: Option<&Venue>) -> Vec<Point> {
+        let area = venue.map(|venue| venue.area);
+        let side_m = area.map_or(10.0, |area| area.width_m().min(area.height_m()));
+        if self.size_m.is_none() && !source.is_known("mission.size_m") {
+            source.remember_as("mission.size_m", 1, format!("{side_m} (the default)"));
+        }
+        let size_m = *self.size_m.get_or_insert(side_m);
+        let middle = *self.centre_m.get_or_insert(area.map_or(Point::default(), Rect::centre));
+        let mut corners = Rect::new(middle, middle).shrunk(-0.5 * size_m).corners().to_vec();
+        // Clockwise, and not from south-west.
+        corners.reverse();
+        corners.extend(corners.first().copied());
+        corners
+    }
+
+    fn square_keys(&mut self, to: &mut dyn Keys) {
+        to.maybe_number(
+            &mut self.size_m,
+            Bounds {
+                name: "size_m",
+                left_out: "the shorter side of the area",
+                allowed: 0.1..=10_000.0,
+                means: "`square`, `pathfind`: side of the square",
+            },
+        );
+        let means = "`square`, `pathfind`: middle of the square";
+        let left_out = "the area's middle";
+        to.form(&mut MaybePlace(&mut self.centre_m), Entry { name: "centre_m", left_out, means });
+    }
+
+    fn place_keys(&mut self, to: &mut dyn Keys) {
+        let means = "`waypoints`, `pathfind`: file of the places, `.waypoints` (QGC WPL 110) or `.plan` of \
+                     QGroundControl; every place must lie inside the fence";
+        let mut file = FileName { name: &mut self.file, needed: None };
+        to.form(&mut file, Entry { name: "file", left_out: "", means });
+        let is_needed = self.kind == MissionKind::Waypoints && self.file.is_none();
+        let mut waypoints = Waypoints { places: &mut self.waypoints_m, file: self.file.is_some(), is_needed };
+        let means = "`waypoints`, `pathfind`: the places, `[[x, y], …]`, unless a file says them";
+        to.form(&mut waypoints, Entry { name: "waypoints_m", left_out: "", means });
+    }
+}
+
+impl Keyed for Mission {
+    fn keys(&mut self, to: &mut dyn Keys) {
+        let Mission { kind, size_m: _, centre_m: _, waypoints_m: _, file: _, distance_m } = self;
+        let means = "what the vehicles are out for, see below";
+        to.word(kind, Words { name: "kind", default: MissionKind::Sweep.word(), means });
+        match kind {
+            MissionKind::Square => self.square_keys(to),
+            MissionKind::Waypoints => self.place_keys(to),
+            MissionKind::Pathfind => {
+                self.place_keys(to);
+                if !self.has_places() {
+                    self.square_keys(to);
+                }
+            }
+            MissionKind::Forward => to.number(
+                distance_m,
+                Number {
+                    name: "distance_m",
+                    default: 5.0,
+                    allowed: 0.1..=1000.0,
+                    means: "`forward`: how far",
+                },
+            ),
+            MissionKind::Sweep
+            | MissionKind::Calibrate
+            | MissionKind::Fan
+            | MissionKind::FanStraight
+            | MissionKind::Browse
+            | MissionKind::Search
+            | MissionKind::Explore => {}
+        }
+    }
+}
+
+/// Places that stand in the file itself.
+struct Waypoints<'a> {
+    places: &'a mut Vec<Point>,
+    /// Whether a file says them.
+    file: bool,
+    is_needed: bool,
+}
+
+impl Form for Waypoints<'_> {
+    fn written(&self) -> Option<String> {
+        (!self.places.is_empty()).then(|| places(self.places))
+    }
+
+    fn read(&mut self, section: &Section<'_>, key: &'static str) {
+        let is_given = section.has(key);
+        if self.file && is_given {
+            section.refuse(key, "is given beside a file", "one of waypoints_m and file is allowed");
+        } else if self.is_needed || is_given {
+            *self.places = section.required_points(key, 1..=MOST_PLACES);
+        }
+    }
+}
+
+/// The key of the file of places.
+const FILE: &str = "mission.file";
 
 impl Task {
     /// Tells whether the ground station plans it.
@@ -93,88 +317,14 @@ impl Task {
             Task::Sweep | Task::Forward { .. } | Task::Browse | Task::Search | Task::Explore => &[],
         }
     }
-
-    /// Reads the section, and the waypoint file that it may name; a square lies in the middle of the venue's area unless
-    /// it says where. A sweep may say its planner by that.
-    pub(super) fn read(
-        section: &Section,
-        venue: Option<&Venue>,
-        loader: &mut Loader,
-    ) -> (Task, Option<Planner>) {
-        let area = venue.map(|venue| venue.area);
-        let kind = section.choice("kind", Kind::Sweep, &KINDS);
-        let task = match kind {
-            Kind::Sweep | Kind::Calibrate | Kind::Fan | Kind::FanStraight => Task::Sweep,
-            Kind::Square => Task::Legs { places: read_square(section, area) },
-            Kind::Waypoints => Task::Legs { places: read_places(section, venue, loader) },
-            Kind::Forward => Task::Forward { distance_m: section.number("distance_m", 5.0, 0.1..=1000.0) },
-            Kind::Browse => Task::Browse,
-            Kind::Search => Task::Search,
-            Kind::Pathfind if section.has("waypoints_m") || section.has("file") => {
-                Task::Pathfind { places: read_places(section, venue, loader) }
-            }
-            Kind::Pathfind => {
-                let mut places = read_square(section, area);
-                places.pop();
-                Task::Pathfind { places }
-            }
-            Kind::Explore => Task::Explore,
-        };
-        section.finish();
-        (task, planner(kind))
-    }
-}
-
-/// Gives the planner that a kind of sweep needs.
-fn planner(kind: Kind) -> Option<Planner> {
-    match kind {
-        Kind::Calibrate => Some(Planner::Calibrate),
-        Kind::Fan => Some(Planner::FanCorners),
-        Kind::FanStraight => Some(Planner::FanStraight),
-        Kind::Sweep
-        | Kind::Square
-        | Kind::Waypoints
-        | Kind::Forward
-        | Kind::Browse
-        | Kind::Search
-        | Kind::Pathfind
-        | Kind::Explore => None,
-    }
-}
-
-/// Reads places, given as they are or by a file.
-fn read_places(section: &Section, venue: Option<&Venue>, loader: &mut Loader) -> Vec<Point> {
-    let Some(name) = section.text("file") else {
-        return section.required_points("waypoints_m", 1..=MOST_PLACES);
-    };
-    if section.has("waypoints_m") {
-        section.refuse("waypoints_m", "is given beside a file", "one of waypoints_m and file is allowed");
-    }
-    let path = beside(&section.source.file_of(&section.full("file")), &name);
-    let text = match loader(&path) {
-        Ok(text) => text,
-        Err(reason) => {
-            let needed = "a waypoint file (QGC WPL 110) or a plan of QGroundControl is needed";
-            section.refuse("file", &format!("{path} cannot be read: {reason}"), needed);
-            return Vec::new();
-        }
-    };
-    match (WaypointFile::read(&path, &text), venue) {
-        (Err(problems), _) => {
-            section.source.absorb(problems);
-            Vec::new()
-        }
-        (Ok(_), None) => Vec::new(),
-        (Ok(file), Some(venue)) => places_of(section, &path, &file, venue),
-    }
 }
 
 /// Gives the places of a waypoint file in the venue's frame; what lies outside the fence is refused by its line.
-fn places_of(section: &Section, path: &str, file: &WaypointFile, venue: &Venue) -> Vec<Point> {
+fn places_of(source: &Source<'_>, path: &str, file: &WaypointFile, venue: &Venue) -> Vec<Point> {
     let places = file.points(&venue.plane());
     if places.is_empty() || places.len() > MOST_PLACES {
         let wrong = format!("{path} leads to {} places", places.len());
-        section.refuse("file", &wrong, &format!("1 to {MOST_PLACES} places are allowed"));
+        source.refuse(FILE, &wrong, &format!("1 to {MOST_PLACES} places are allowed"));
     }
     let outside = places.iter().filter(|(_, at)| !venue.fence.contains(*at));
     let problem = |(index, at): &(usize, Point)| {
@@ -183,22 +333,8 @@ fn places_of(section: &Section, path: &str, file: &WaypointFile, venue: &Venue) 
     };
     let problems: Vec<_> = outside.map(problem).collect();
     if !problems.is_empty() {
-        section.source.absorb(Problems::new(path, problems));
+        source.absorb(Problems::new(path, problems));
         return Vec::new();
     }
     places.into_iter().map(|(_, at)| at).collect()
-}
-
-/// Reads a square: its corners as the original's mission drives them, the first north-west, and that again at the end.
-fn read_square(section: &Section, area: Option<Rect>) -> Vec<Point> {
-    let side_m = area.map_or(10.0, |area| area.width_m().min(area.height_m()));
-    let size_m = section.number("size_m", side_m, 0.1..=10_000.0);
-    let middle = area.map_or(Point::default(), Rect::centre);
-    let centre = section.numbers("centre_m", &[middle.x_m, middle.y_m], 2..=2, COORDINATE_M);
-    let middle = Point::new(centre[0], centre[1]);
-    let mut corners = Rect::new(middle, middle).shrunk(-0.5 * size_m).corners().to_vec();
-    // Clockwise, and not from south-west.
-    corners.reverse();
-    corners.extend(corners.first().copied());
-    corners
 }

@@ -5,14 +5,18 @@ use core::net::SocketAddr;
 
 use tomoswarm_proto::VehicleId;
 
-use super::bus_file::{BusFile, Role};
+use super::Loader;
+use super::bus_file::{BusFile, BusFileTable, Role};
+use super::forms::{FileName, Loaded};
+use super::keys::{Entry, Form, Keyed, Keys, MaybeTable, Number, Whole, quoted, read_table};
 use super::radio::OwnRadio;
+use super::range::Look;
 use super::section::Section;
 use super::sim::{check_border, check_task, load, refuse_blind_speed};
-use super::task::Task;
-use super::vehicle::{Body, Look, Safety, sight};
+use super::swarm::Swarm;
+use super::task::{Mission, Task};
+use super::vehicle::{Body, Safety, sight};
 use super::venue::Venue;
-use super::{Loader, beside};
 use crate::geom::Point;
 
 /// The numbers that vehicles may have.
@@ -23,6 +27,8 @@ const SHORTEST_TOKEN: usize = 8;
 /// What a vehicle's node is told.
 #[derive(Clone, PartialEq, Debug)]
 pub struct VehicleFile {
+    /// The file of the place, with its folder.
+    pub venue_file: String,
     /// The place.
     pub venue: Venue,
     /// Which vehicle this is.
@@ -31,16 +37,20 @@ pub struct VehicleFile {
     pub home: Point,
     /// The folder in which its boot count, outbox and recordings are kept.
     pub state_dir: String,
+    /// What it is out for, as it is written.
+    pub mission: Mission,
     /// What it is out for.
     pub task: Task,
+    /// What speaks with its devices.
+    pub drivers: Drivers,
     /// Its body.
     pub body: Body,
     /// Its range sensor.
     pub look: Look,
     /// Its radio.
     pub radio: OwnRadio,
-    /// The deviation that its place usually has, metres; its speed is judged by it.
-    pub pose_sd_m: f64,
+    /// How well its place is known.
+    pub pose: PoseFile,
     /// The simulated world that its drivers speak with.
     pub world: World,
     /// The margins that it keeps.
@@ -61,179 +71,390 @@ pub struct World {
 }
 
 /// The flight recording of a node.
-#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
 pub struct Record {
     /// The most that all recordings together take, megabytes (10⁶ bytes); 0 = nothing is recorded.
     pub limit_mb: usize,
 }
 
 impl Record {
-    pub(super) fn read(section: &Section) -> Record {
-        let record = Record { limit_mb: section.whole("limit_mb", 256, 0..=1_000_000) };
-        section.finish();
-        record
-    }
-
     /// Gives the most that all recordings together take, bytes; `None` when nothing is recorded.
     pub fn limit_bytes(self) -> Option<u64> {
         (self.limit_mb > 0).then_some(self.limit_mb as u64 * 1_000_000)
     }
 }
 
+impl Keyed for Record {
+    fn keys(&mut self, to: &mut dyn Keys) {
+        let Record { limit_mb } = self;
+        let means = "the most that the recordings take together; 0: nothing is recorded";
+        to.whole(limit_mb, Whole { name: "limit_mb", default: 256, allowed: 0..=1_000_000, means });
+    }
+}
+
+/// How well a vehicle knows its place.
+#[derive(Clone, Copy, PartialEq, Debug, Default)]
+pub struct PoseFile {
+    /// The deviation that its place usually has, metres; its speed is judged by it.
+    pub expected_sd_m: f64,
+}
+
+impl Keyed for PoseFile {
+    fn keys(&mut self, to: &mut dyn Keys) {
+        let PoseFile { expected_sd_m } = self;
+        let means = "who says where it is; today only `\"autopilot\"`";
+        to.form(&mut PoseSource, Entry { name: "source", left_out: "autopilot", means });
+        to.number(
+            expected_sd_m,
+            Number {
+                name: "expected_sd_m",
+                default: 0.05,
+                allowed: 0.0..=5.0,
+                means: "deviation that the place usually has; the speed is judged by it",
+            },
+        );
+    }
+}
+
+/// Who says where a vehicle is: the autopilot, until others are built.
+struct PoseSource;
+
+impl Form for PoseSource {
+    fn written(&self) -> Option<String> {
+        Some(quoted("autopilot"))
+    }
+
+    fn read(&mut self, section: &Section<'_>, key: &'static str) {
+        let allowed = "source = \"autopilot\" is allowed today";
+        match section.text(key).as_deref() {
+            None | Some("autopilot") => {}
+            Some("external") => section.refuse(key, "is not built yet", allowed),
+            Some(_) => section.refuse(key, "is not known", allowed),
+        }
+    }
+}
+
+/// What speaks with a device.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
+pub enum Driver {
+    /// Nothing that is built; never in a file that was accepted.
+    #[default]
+    None,
+    /// The simulated world.
+    Sim,
+}
+
+/// What speaks with the devices of a vehicle.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
+pub struct Drivers {
+    /// The autopilot.
+    pub autopilot: Driver,
+    /// The servo of the range sensor.
+    pub servo: Driver,
+    /// The range sensor.
+    pub range: Driver,
+    /// The radio.
+    pub radio: Driver,
+}
+
+impl Drivers {
+    /// All of them simulated.
+    pub const SIMULATED: Drivers =
+        Drivers { autopilot: Driver::Sim, servo: Driver::Sim, range: Driver::Sim, radio: Driver::Sim };
+
+    fn has_simulated(&self) -> bool {
+        [self.autopilot, self.servo, self.range, self.radio].contains(&Driver::Sim)
+    }
+}
+
+/// A driver by its name; `planned` are those that hardware will bring.
+struct DriverName<'a> {
+    driver: &'a mut Driver,
+    planned: &'static [&'static str],
+}
+
+impl DriverName<'_> {
+    fn show(&mut self, to: &mut dyn Keys) {
+        let means = "what speaks with it; today only `\"sim\"`";
+        to.form(self, Entry { name: "driver", left_out: "needed", means });
+    }
+}
+
+impl Form for DriverName<'_> {
+    fn written(&self) -> Option<String> {
+        match self.driver {
+            Driver::None => None,
+            Driver::Sim => Some(quoted("sim")),
+        }
+    }
+
+    fn read(&mut self, section: &Section<'_>, key: &'static str) {
+        let allowed = "driver = \"sim\" is allowed today";
+        section.require(key, allowed);
+        let Some(name) = section.text(key) else { return };
+        match name.as_str() {
+            "sim" => *self.driver = Driver::Sim,
+            other if self.planned.contains(&other) => section.refuse(key, "is not built yet", allowed),
+            _ => section.refuse(key, "is not known", allowed),
+        }
+    }
+}
+
+/// A table of a device that has a driver and nothing else.
+impl Keyed for DriverName<'_> {
+    fn keys(&mut self, to: &mut dyn Keys) {
+        self.show(to);
+    }
+}
+
+/// The table `[range]` of a vehicle.
+struct RangeTable<'a> {
+    driver: DriverName<'a>,
+    look: &'a mut Look,
+}
+
+impl Keyed for RangeTable<'_> {
+    fn keys(&mut self, to: &mut dyn Keys) {
+        self.driver.show(to);
+        self.look.keys(to);
+    }
+}
+
+/// The table `[radio]` of a vehicle.
+struct RadioTable<'a> {
+    driver: DriverName<'a>,
+    own: &'a mut OwnRadio,
+}
+
+impl Keyed for RadioTable<'_> {
+    fn keys(&mut self, to: &mut dyn Keys) {
+        self.driver.show(to);
+        self.own.keys(to);
+        Swarm::moved_air(to);
+    }
+}
+
+/// The table `[safety]` of a vehicle.
+struct SafetyTable<'a>(&'a mut Safety);
+
+impl Keyed for SafetyTable<'_> {
+    fn keys(&mut self, to: &mut dyn Keys) {
+        self.0.keys(to);
+        Swarm::moved_margins(to);
+    }
+}
+
 impl VehicleFile {
-    pub(super) fn read(root: &Section, loader: &mut Loader) -> Option<VehicleFile> {
+    /// Returns a file of nothing, to be filled.
+    pub(super) fn blank() -> VehicleFile {
+        VehicleFile {
+            venue_file: String::new(),
+            venue: Venue::blank(),
+            id: VehicleId(0),
+            home: Point::default(),
+            state_dir: String::new(),
+            mission: Mission::default(),
+            task: Task::default(),
+            drivers: Drivers::default(),
+            body: Body::default(),
+            look: Look::default(),
+            radio: OwnRadio::default(),
+            pose: PoseFile::default(),
+            world: World { connect: NOWHERE, token: String::new() },
+            safety: Safety::default(),
+            bus: BusFile::default(),
+            record: Record::default(),
+        }
+    }
+
+    pub(super) fn read(root: &Section<'_>, loader: &mut Loader) -> Option<VehicleFile> {
+        let mut file = VehicleFile::blank();
         let venue = load(root, "venue", loader, |root| Some(Venue::read(root)));
-        let id = read_id(root);
-        let state_dir = read_state_dir(root);
-        let (task, _) = Task::read(&root.section("mission"), venue.as_ref(), loader);
-        let body = read_body(&root.section("vehicle"));
-        let mut is_simulated =
-            [read_autopilot(&root.section("autopilot")), read_servo(&root.section("servo"))].contains(&true);
-        let (look, simulates_range) = read_range(&root.section("range"));
-        let (radio, simulates_radio) = read_radio(&root.section("radio"));
-        is_simulated |= simulates_range | simulates_radio;
-        let pose_sd_m = read_pose(&root.section("pose"));
-        let world = read_world(root, is_simulated);
-        let safety = Safety::read(&root.section("safety"));
-        let bus = BusFile::read(&root.section("bus"), Role::Vehicle);
-        let record = Record::read(&root.section("record"));
-        root.finish();
-        let (venue, id, state_dir) = (venue?, id?, state_dir?);
-        let home = check_home(root, &venue, id, body.radius_m + safety.padding_m)?;
-        let file = VehicleFile {
-            venue,
-            id,
-            home,
-            state_dir,
-            task,
-            body,
-            look,
-            radio,
-            pose_sd_m,
-            world: world?,
-            safety,
-            bus,
-            record,
-        };
+        let is_loaded = venue.is_some();
+        if let Some((name, venue)) = venue {
+            (file.venue_file, file.venue) = (name, venue);
+        }
+        read_table(&mut file, root);
+        file.task = file.mission.task(root.source, is_loaded.then_some(&file.venue), loader);
+        check_world(root, &file.drivers);
+        file.look.check(root.source);
+        file.safety.check(root.source);
+        file.bus.check(root.source, Role::Vehicle);
+        let is_whole = is_loaded && file.id.0 > 0 && !file.state_dir.is_empty();
+        if !is_whole {
+            return None;
+        }
+        file.home = check_home(root, &file.venue, file.id, file.body.radius_m + file.safety.padding_m)?;
         check_together(root, &file);
         Some(file)
     }
 }
 
-fn read_id(root: &Section) -> Option<VehicleId> {
-    root.require("id", "a whole number from 1 to 250 is needed");
-    let is_given = root.has("id");
-    let id = root.whole("id", 0, VEHICLE_IDS);
-    u8::try_from(id).ok().filter(|id| is_given && *id > 0).map(VehicleId)
-}
-
-/// Reads the folder in which a node keeps what outlives it.
-pub(super) fn read_state_dir(root: &Section) -> Option<String> {
-    root.require(
-        "state_dir",
-        "the name of a folder is needed, relative to this file; no two nodes may share it",
-    );
-    root.text("state_dir").map(|folder| beside(root.source.file(), &folder))
-}
-
-fn read_body(section: &Section) -> Body {
-    let body = Body::read_keys(section);
-    section.finish();
-    body
-}
-
-fn read_autopilot(section: &Section) -> bool {
-    let is_simulated = read_driver(section, &["mavlink"]);
-    section.finish();
-    is_simulated
-}
-
-fn read_servo(section: &Section) -> bool {
-    let is_simulated = read_driver(section, &["gpio", "mavlink"]);
-    section.finish();
-    is_simulated
-}
-
-fn read_range(section: &Section) -> (Look, bool) {
-    let is_simulated = read_driver(section, &["hcsr04"]);
-    let look = Look::read_keys(section);
-    section.finish();
-    (look, is_simulated)
-}
-
-fn read_radio(section: &Section) -> (OwnRadio, bool) {
-    let is_simulated = read_driver(section, &["xbee"]);
-    let radio = OwnRadio::read_keys(section);
-    section.finish();
-    (radio, is_simulated)
-}
-
-/// Tells whether a driver is simulated, and refuses every other: `planned` are those that hardware will bring.
-fn read_driver(section: &Section, planned: &[&str]) -> bool {
-    let allowed = "driver = \"sim\" is allowed today";
-    section.require("driver", allowed);
-    let Some(name) = section.text("driver") else { return false };
-    match name.as_str() {
-        "sim" => return true,
-        other if planned.contains(&other) => section.refuse("driver", "is not built yet", allowed),
-        _ => section.refuse("driver", "is not known", allowed),
+impl Keyed for VehicleFile {
+    fn keys(&mut self, to: &mut dyn Keys) {
+        let VehicleFile {
+            venue_file,
+            venue: _,
+            id,
+            home: _,
+            state_dir,
+            mission,
+            task: _,
+            drivers,
+            body,
+            look,
+            radio,
+            pose,
+            world,
+            safety,
+            bus,
+            record,
+        } = self;
+        let Drivers { autopilot, servo, range, radio: radio_driver } = drivers;
+        let table = |name, means| Entry { name, left_out: "", means };
+        let means = "file of the place, the same on every node";
+        to.form(&mut Loaded(venue_file), Entry { name: "venue", left_out: "needed", means });
+        let means = "1 to 250; vehicle N has the N-th home";
+        to.form(&mut Number1To250(id), Entry { name: "id", left_out: "needed", means });
+        state_dir_key(state_dir, to);
+        to.table(
+            mission,
+            table("mission", "as in a simulation; a vehicle alone visits all places of `pathfind`"),
+        );
+        to.table(body, table("vehicle", "its body and how it moves"));
+        let mut device = DriverName { driver: autopilot, planned: &["mavlink"] };
+        to.table(&mut device, table("autopilot", "what drives it"));
+        let mut device = DriverName { driver: servo, planned: &["gpio", "mavlink"] };
+        to.table(&mut device, table("servo", "what turns its range sensors"));
+        let mut sensor = RangeTable { driver: DriverName { driver: range, planned: &["hcsr04"] }, look };
+        to.table(&mut sensor, table("range", "its range sensors"));
+        let driver = DriverName { driver: radio_driver, planned: &["xbee"] };
+        to.table(&mut RadioTable { driver, own: radio }, table("radio", "its radio"));
+        to.table(pose, table("pose", "how well its place is known"));
+        let means = "the simulated world that its drivers speak with; needed by simulated drivers";
+        let is_needed = [&*autopilot, &*servo, &*range, &*radio_driver].contains(&&Driver::Sim);
+        to.maybe_table(&mut WorldTable { world, is_needed }, table("world", means));
+        to.table(&mut SafetyTable(safety), table("safety", "the margins that it keeps"));
+        let mut joined = BusFileTable { bus, role: Role::Vehicle };
+        to.table(&mut joined, table("bus", "how it joins the bus"));
+        to.table(record, table("record", "its flight recording"));
     }
-    false
 }
 
-fn read_pose(section: &Section) -> f64 {
-    let allowed = "source = \"autopilot\" is allowed today";
-    match section.text("source").as_deref() {
-        None | Some("autopilot") => {}
-        Some("external") => section.refuse("source", "is not built yet", allowed),
-        Some(_) => section.refuse("source", "is not known", allowed),
+/// Shows the folder in which a node keeps what outlives it.
+pub(super) fn state_dir_key(state_dir: &mut String, to: &mut dyn Keys) {
+    let needed = "the name of a folder is needed, relative to this file; no two nodes may share it";
+    let mut folder = Some(std::mem::take(state_dir));
+    let means =
+        "folder for what outlives the node, such as its boot count and its recordings; one for each node";
+    let mut name = FileName { name: &mut folder, needed: Some(needed) };
+    to.form(&mut name, Entry { name: "state_dir", left_out: "needed", means });
+    *state_dir = folder.unwrap_or_default();
+}
+
+/// The number of a vehicle.
+struct Number1To250<'a>(&'a mut VehicleId);
+
+impl Form for Number1To250<'_> {
+    fn written(&self) -> Option<String> {
+        Some(self.0.to_string())
     }
-    let expected_sd_m = section.number("expected_sd_m", 0.05, 0.0..=5.0);
-    section.finish();
-    expected_sd_m
+
+    fn read(&mut self, section: &Section<'_>, key: &'static str) {
+        section.require(key, "a whole number from 1 to 250 is needed");
+        let is_given = section.has(key);
+        let id = section.whole(key, 0, VEHICLE_IDS);
+        *self.0 = VehicleId(u8::try_from(id).ok().filter(|_| is_given).unwrap_or(0));
+    }
 }
 
-/// Reads the door of the simulated world, which is needed exactly when a driver is simulated.
-fn read_world(root: &Section, is_simulated: bool) -> Option<World> {
-    if !is_simulated {
-        // A driver that was refused may have been meant to be simulated; its own problem is said already.
-        if root.has("world") && root.source.is_sound(&["autopilot", "range", "servo", "radio"]) {
-            root.refuse("world", "is of no use", "it is for simulated drivers only");
+/// An address of nobody.
+const NOWHERE: SocketAddr = SocketAddr::V4(core::net::SocketAddrV4::new(core::net::Ipv4Addr::LOCALHOST, 0));
+
+/// The simulated world, which is named exactly when a driver is simulated.
+struct WorldTable<'a> {
+    world: &'a mut World,
+    is_needed: bool,
+}
+
+impl MaybeTable for WorldTable<'_> {
+    fn get(&mut self) -> Option<&mut dyn Keyed> {
+        self.is_needed.then_some(self.world as &mut dyn Keyed)
+    }
+
+    fn fill(&mut self) -> &mut dyn Keyed {
+        self.world
+    }
+}
+
+impl Keyed for World {
+    fn keys(&mut self, to: &mut dyn Keys) {
+        let World { connect, token } = self;
+        let left_out = "needed";
+        let means = "where it listens, an address of this machine";
+        to.form(&mut WorldAddress(connect), Entry { name: "connect", left_out, means });
+        let means =
+            "what a driver says to be let in, the world's own word: 8 to 128 letters, digits, `-`, `_`";
+        to.form(&mut Token(token), Entry { name: "token", left_out, means });
+    }
+}
+
+/// Where the simulated world listens.
+struct WorldAddress<'a>(&'a mut SocketAddr);
+
+impl Form for WorldAddress<'_> {
+    fn written(&self) -> Option<String> {
+        Some(quoted(&self.0.to_string()))
+    }
+
+    fn read(&mut self, section: &Section<'_>, key: &'static str) {
+        let rule = "an address of this machine such as \"127.0.0.1:7500\" is needed";
+        section.require(key, rule);
+        let Some(text) = section.text(key) else { return };
+        let address: Option<SocketAddr> = text.parse().ok();
+        let wrong = match address {
+            None => "is no address with a port",
+            Some(address) if !address.ip().is_loopback() => "leaves this machine",
+            Some(address) if address.port() == 0 => "has port 0",
+            Some(address) => {
+                *self.0 = address;
+                return;
+            }
+        };
+        section.refuse(key, wrong, rule);
+    }
+}
+
+/// The word that lets a driver into the simulated world.
+struct Token<'a>(&'a mut String);
+
+impl Form for Token<'_> {
+    fn written(&self) -> Option<String> {
+        Some(quoted(self.0))
+    }
+
+    fn read(&mut self, section: &Section<'_>, key: &'static str) {
+        let rule = "8 to 128 letters, digits, - and _ are needed, the same as the world was given";
+        section.require(key, rule);
+        let Some(token) = section.text(key) else { return };
+        let is_plain = token.bytes().all(|byte| byte.is_ascii_alphanumeric() || matches!(byte, b'-' | b'_'));
+        if (SHORTEST_TOKEN..=128).contains(&token.len()) && is_plain {
+            *self.0 = token;
+        } else {
+            section.refuse(key, "is no such word", rule);
         }
-        return None;
     }
-    root.require("world", "a table [world] with connect and token is needed by drivers of the kind \"sim\"");
-    let section = root.optional_section("world")?;
-    let world = (read_door(&section), read_token(&section));
-    section.finish();
-    Some(World { connect: world.0?, token: world.1? })
 }
 
-fn read_door(section: &Section) -> Option<SocketAddr> {
-    let rule = "an address of this machine such as \"127.0.0.1:7500\" is needed";
-    section.require("connect", rule);
-    let text = section.text("connect")?;
-    let address: Option<SocketAddr> = text.parse().ok();
-    let wrong = match address {
-        None => "is no address with a port",
-        Some(address) if !address.ip().is_loopback() => "leaves this machine",
-        Some(address) if address.port() == 0 => "has port 0",
-        Some(address) => return Some(address),
-    };
-    section.refuse("connect", wrong, rule);
-    None
-}
-
-fn read_token(section: &Section) -> Option<String> {
-    let rule = "8 to 128 letters, digits, - and _ are needed, the same as the world was given";
-    section.require("token", rule);
-    let token = section.text("token")?;
-    let is_plain = token.bytes().all(|byte| byte.is_ascii_alphanumeric() || matches!(byte, b'-' | b'_'));
-    if (SHORTEST_TOKEN..=128).contains(&token.len()) && is_plain {
-        return Some(token);
+/// Checks that the simulated world is named exactly when a driver is simulated.
+fn check_world(root: &Section<'_>, drivers: &Drivers) {
+    if drivers.has_simulated() {
+        let rule = "a table [world] with connect and token is needed by drivers of the kind \"sim\"";
+        root.require("world", rule);
+    } else if root.has("world") && root.source.is_sound(&["autopilot", "range", "servo", "radio"]) {
+        // A driver that was refused may have been meant to be simulated; its own problem is said already.
+        root.refuse("world", "is of no use", "it is for simulated drivers only");
     }
-    section.refuse("token", "is no such word", rule);
-    None
 }
 
 /// Gives the home of a vehicle, where its body and the room around it must fit, as they must around the area.
@@ -254,20 +475,24 @@ fn check_home(root: &Section, venue: &Venue, id: VehicleId, reach_m: f64) -> Opt
     Some(*home)
 }
 
-fn check_together(root: &Section, file: &VehicleFile) {
-    let VehicleFile { body, safety, .. } = file;
-    check_task(root, &file.task, &file.venue);
+fn check_together(root: &Section<'_>, file: &VehicleFile) {
+    let VehicleFile { body, safety, pose, venue, .. } = file;
+    let swarm = &venue.swarm;
+    check_task(root, &file.task, venue);
     let is_sound = |keys: &[&str]| root.source.is_sound(keys);
-    if is_sound(&["vehicle.radius_m", "safety.separation_m"]) && safety.separation_m <= 2.0 * body.radius_m {
-        let wrong = "lets two vehicles touch: it is measured from middle to middle";
-        root.source.refuse("safety.separation_m", wrong, "more than two vehicle.radius_m is allowed");
+    if is_sound(&["vehicle.radius_m"]) && swarm.separation_m <= 2.0 * body.radius_m {
+        let separation_m = swarm.separation_m;
+        let wrong = format!(
+            "lets two vehicles touch: the separation_m of the venue is {separation_m} m, middle to middle"
+        );
+        root.source.refuse("vehicle.radius_m", &wrong, "less than half of separation_m is allowed");
     }
-    if is_sound(&["pose.expected_sd_m", "safety.pose_sd_max_m"]) && file.pose_sd_m > safety.pose_sd_max_m {
-        let wrong = "is above safety.pose_sd_max_m: nothing would ever be measured";
+    if is_sound(&["pose.expected_sd_m"]) && pose.expected_sd_m > swarm.pose_sd_max_m {
+        let wrong = "is above the pose_sd_max_m of the venue: nothing would ever be measured";
         root.source.refuse("pose.expected_sd_m", wrong, "at most pose_sd_max_m is allowed");
     }
     if is_sound(&["vehicle", "range", "safety", "pose"]) {
-        let sight = sight(body, &file.look, safety, file.venue.cell_m, file.pose_sd_m);
+        let sight = sight(body, &file.look, safety, venue.cell_m, pose.expected_sd_m);
         refuse_blind_speed(root, &sight, body.max_speed_mps, "vehicle.max_speed_mps");
     }
 }

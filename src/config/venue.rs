@@ -3,8 +3,13 @@
 
 use tomoswarm_proto::TILE_SIDE;
 
+use super::forms::{Name, Places, places};
+use super::keys::{
+    Bounds, Entry, Form, Keyed, Keys, MaybeTable, Number, Numbers, number, read_table, written_list,
+};
 use super::outline::{CORNERS, simple_polygon};
 use super::section::{COORDINATE_M, Section};
+use super::swarm::Swarm;
 use crate::geom::{Bearing, Geodetic, Point, Polygon, Rect, Segment, TangentPlane};
 use crate::map::REACH_TILES;
 
@@ -16,7 +21,7 @@ const HOMES_APART_M: f64 = 1.0;
 const MOST_CELLS_A_SIDE: f64 = 10_000.0;
 
 /// Where the local frame lies on the earth.
-#[derive(Clone, Copy, PartialEq, Debug)]
+#[derive(Clone, Copy, PartialEq, Debug, Default)]
 pub struct Datum {
     /// Latitude of the frame's origin, degrees north (WGS84).
     pub latitude_deg: f64,
@@ -33,8 +38,8 @@ pub struct Venue {
     pub name: String,
     /// Where the frame's origin lies.
     pub datum: Datum,
-    /// Compass bearing of the x axis (90° = x points east).
-    pub x_axis_bearing: Bearing,
+    /// Compass bearing of the x axis (90 = x points east), degrees.
+    pub x_axis_bearing_deg: f64,
     /// The rectangle that is imaged.
     pub area: Rect,
     /// Where vehicles may be; a simple polygon with the area wholly inside.
@@ -48,27 +53,54 @@ pub struct Venue {
     pub slice_borders_m: Vec<f64>,
     /// The greatest height at which a vehicle may fly, metres above z = 0.
     pub ceiling_m: f64,
+    /// What the nodes of the swarm agree on.
+    pub swarm: Swarm,
 }
 
 impl Venue {
+    /// Returns a venue of nothing, to be filled.
+    pub(super) fn blank() -> Venue {
+        let (nowhere, no_corners) = (Point::default(), Vec::new());
+        Venue {
+            name: String::new(),
+            datum: Datum::default(),
+            x_axis_bearing_deg: 0.0,
+            area: Rect::new(nowhere, nowhere),
+            fence: Polygon::new(no_corners),
+            homes: Vec::new(),
+            cell_m: 0.0,
+            slice_borders_m: Vec::new(),
+            ceiling_m: 0.0,
+            swarm: Swarm::default(),
+        }
+    }
+
+    /// Returns the compass bearing of the x axis (90° = x points east).
+    pub fn x_axis_bearing(&self) -> Bearing {
+        Bearing::from_degrees(self.x_axis_bearing_deg)
+    }
+
     /// Gives a hash over everything that must be equal on all nodes: all but the name. Comments,
     /// layout and the order of keys do not count. (FNV-1a, 64 bits, over the IEEE bytes.)
     pub fn hash(&self) -> u64 {
         let Datum { latitude_deg, longitude_deg, altitude_m } = self.datum;
         let mut hash = Fnv::default();
-        hash.numbers(&[latitude_deg, longitude_deg, altitude_m, self.x_axis_bearing.radians()]);
+        hash.numbers(&[latitude_deg, longitude_deg, altitude_m, self.x_axis_bearing().radians()]);
         hash.points(&[self.area.min, self.area.max]);
         hash.points(self.fence.corners());
         hash.points(&self.homes);
         hash.numbers(&[self.cell_m, self.ceiling_m]);
         hash.numbers(&self.slice_borders_m);
+        if let Some(contract) = self.swarm.hashed() {
+            hash.numbers(&contract);
+        }
         hash.0
     }
 
     /// Gives the plane of the local frame on the earth.
     pub fn plane(&self) -> TangentPlane {
         let Datum { latitude_deg, longitude_deg, altitude_m } = self.datum;
-        TangentPlane::new(Geodetic { latitude_deg, longitude_deg, altitude_m }, self.x_axis_bearing)
+        TangentPlane::new(Geodetic { latitude_deg, longitude_deg, altitude_m }, self.x_axis_bearing())
     }
 
     /// Gives the number of altitude slices of the map.
@@ -77,20 +109,11 @@ impl Venue {
     }
 
     /// Reads a venue; what is wrong is noted at the source.
-    pub(super) fn read(root: &Section) -> Venue {
-        let datum = read_datum(root);
-        let venue = Venue {
-            name: root.name("name", "venue"),
-            datum,
-            x_axis_bearing: Bearing::from_degrees(root.number("x_axis_bearing_deg", 90.0, 0.0..=360.0)),
-            area: read_area(root),
-            fence: read_fence(root),
-            homes: root.required_points("homes_m", 1..=MOST_HOMES),
-            cell_m: root.number("cell_m", 0.2, 0.05..=2.0),
-            slice_borders_m: read_slices(root),
-            ceiling_m: root.number("ceiling_m", 10.0, 0.5..=500.0),
-        };
-        root.finish();
+    pub(super) fn read(root: &Section<'_>) -> Venue {
+        root.require("datum", "a table [datum] with latitude_deg and longitude_deg is needed");
+        let mut venue = Venue::blank();
+        read_table(&mut venue, root);
+        check_slices(root, &venue.slice_borders_m);
         if root.source.is_sound(&["area_m", "fence_m"]) {
             check_area(root, &venue);
         }
@@ -101,56 +124,143 @@ impl Venue {
     }
 }
 
-fn read_datum(root: &Section) -> Datum {
-    root.require("datum", "a table [datum] with latitude_deg and longitude_deg is needed");
-    let Some(section) = root.optional_section("datum") else {
-        return Datum { latitude_deg: 0.0, longitude_deg: 0.0, altitude_m: 0.0 };
-    };
-    // A local frame has no axes at the poles.
-    let datum = Datum {
-        latitude_deg: section.required_number("latitude_deg", -89.0..=89.0),
-        longitude_deg: section.required_number("longitude_deg", -180.0..=180.0),
-        altitude_m: section.number("altitude_m", 0.0, -500.0..=9000.0),
-    };
-    section.finish();
-    datum
+impl Keyed for Venue {
+    fn keys(&mut self, to: &mut dyn Keys) {
+        let Venue {
+            name,
+            datum,
+            x_axis_bearing_deg,
+            area,
+            fence,
+            homes,
+            cell_m,
+            slice_borders_m,
+            ceiling_m,
+            swarm,
+        } = self;
+        let means = "a plain name, fit to be part of a file's name";
+        let mut plain = Name { name, default: "venue".to_owned() };
+        to.form(&mut plain, Entry { name: "name", left_out: "venue", means });
+        to.maybe_table(
+            &mut DatumTable(datum),
+            Entry { name: "datum", left_out: "needed", means: "where (0, 0) lies on the earth" },
+        );
+        to.number(x_axis_bearing_deg, Number {
+            name: "x_axis_bearing_deg",
+            default: 90.0,
+            allowed: 0.0..=360.0,
+            means: "compass bearing of the x axis; 90: x points east. No effect in a simulation but in the venue's hash",
+        });
+        let left_out = "needed";
+        let means = "`[x0, y0, x1, y1]`: what is imaged; vehicles drive along its border";
+        to.form(&mut Area(area), Entry { name: "area_m", left_out, means });
+        let means = "corners `[[x, y], …]` around where vehicles may be";
+        to.form(&mut Fence(fence), Entry { name: "fence_m", left_out, means });
+        let means = "where vehicles start and return to, one each; vehicle 1 has the first";
+        let mut all = Places { places: homes, count: 1..=MOST_HOMES };
+        to.form(&mut all, Entry { name: "homes_m", left_out, means });
+        let means = "side of a map cell";
+        to.number(cell_m, Number { name: "cell_m", default: 0.2, allowed: 0.05..=2.0, means });
+        to.numbers(slice_borders_m, Numbers {
+            name: "altitude_slices_m",
+            default: &[0.0, 2.0],
+            count: 2..=17,
+            allowed: -10.0..=500.0,
+            means: "borders of the map's slices, ascending; no effect yet but in the venue's hash: rovers use one slice",
+        });
+        let means = "highest altitude of a vehicle";
+        to.number(ceiling_m, Number { name: "ceiling_m", default: 10.0, allowed: 0.5..=500.0, means });
+        let means = "what all nodes agree on. A simulation may give these keys in its own `[safety]` and `[radio]`, \
+                     laid over its venue; the files of nodes may not";
+        to.table(swarm, Entry { name: "swarm", left_out: "", means });
+    }
 }
 
-fn read_area(root: &Section) -> Rect {
+/// The table `[datum]`, which must be there.
+struct DatumTable<'a>(&'a mut Datum);
+
+impl MaybeTable for DatumTable<'_> {
+    fn get(&mut self) -> Option<&mut dyn Keyed> {
+        Some(self.0)
+    }
+
+    fn fill(&mut self) -> &mut dyn Keyed {
+        self.0
+    }
+}
+
+impl Keyed for Datum {
+    fn keys(&mut self, to: &mut dyn Keys) {
+        let Datum { latitude_deg, longitude_deg, altitude_m } = self;
+        let needed = |name, allowed, means| Bounds { name, left_out: "needed", allowed, means };
+        // A local frame has no axes at the poles.
+        to.needed_number(latitude_deg, needed("latitude_deg", -89.0..=89.0, "north (WGS84)"));
+        to.needed_number(longitude_deg, needed("longitude_deg", -180.0..=180.0, "east (WGS84)"));
+        let means = "of z = 0 above the ellipsoid (WGS84)";
+        to.number(altitude_m, Number { name: "altitude_m", default: 0.0, allowed: -500.0..=9000.0, means });
+    }
+}
+
+/// The rectangle that is imaged.
+struct Area<'a>(&'a mut Rect);
+
+impl Form for Area<'_> {
+    fn written(&self) -> Option<String> {
+        let Rect { min, max } = *self.0;
+        Some(written_list([min.x_m, min.y_m, max.x_m, max.y_m].into_iter().map(number)))
+    }
+
+    fn read(&mut self, section: &Section<'_>, key: &'static str) {
+        *self.0 = read_area(section, key);
+    }
+}
+
+/// The outline that vehicles do not leave.
+struct Fence<'a>(&'a mut Polygon);
+
+impl Form for Fence<'_> {
+    fn written(&self) -> Option<String> {
+        Some(places(self.0.corners()))
+    }
+
+    fn read(&mut self, section: &Section<'_>, key: &'static str) {
+        *self.0 = read_fence(section, key);
+    }
+}
+
+fn read_area(root: &Section<'_>, key: &'static str) -> Rect {
     let rule = "[x0, y0, x1, y1] in metres is needed";
-    root.require("area_m", rule);
+    root.require(key, rule);
     let nothing = Rect::new(Point::default(), Point::default());
-    let Some(numbers) = root.optional_numbers("area_m", 4..=4, COORDINATE_M) else { return nothing };
+    let Some(numbers) = root.optional_numbers(key, 4..=4, COORDINATE_M) else { return nothing };
     let (width_m, height_m) = (numbers[2] - numbers[0], numbers[3] - numbers[1]);
     if width_m <= 0.0 || height_m <= 0.0 {
-        root.refuse("area_m", "the first corner is not south-west of the second", rule);
+        root.refuse(key, "the first corner is not south-west of the second", rule);
         return nothing;
     }
     if !(1.0..=1000.0).contains(&width_m) || !(1.0..=1000.0).contains(&height_m) {
         let wrong = format!("the area is {width_m} m by {height_m} m");
-        root.refuse("area_m", &wrong, "sides from 1 to 1000 m are allowed");
+        root.refuse(key, &wrong, "sides from 1 to 1000 m are allowed");
     }
     Rect::new(Point::new(numbers[0], numbers[1]), Point::new(numbers[2], numbers[3]))
 }
 
-fn read_fence(root: &Section) -> Polygon {
-    let corners = root.required_points("fence_m", CORNERS);
+fn read_fence(root: &Section<'_>, key: &'static str) -> Polygon {
+    let corners = root.required_points(key, CORNERS);
     if corners.is_empty() {
         return Polygon::new(corners);
     }
     simple_polygon(corners).unwrap_or_else(|wrong| {
-        root.refuse("fence_m", &wrong, "corners in order around a simple outline are needed");
+        root.refuse(key, &wrong, "corners in order around a simple outline are needed");
         Polygon::new(Vec::new())
     })
 }
 
-fn read_slices(root: &Section) -> Vec<f64> {
-    let borders_m = root.numbers("altitude_slices_m", &[0.0, 2.0], 2..=17, -10.0..=500.0);
+fn check_slices(root: &Section<'_>, borders_m: &[f64]) {
     if borders_m.windows(2).any(|pair| pair[1] - pair[0] < 0.1) {
         let allowed = "each border must lie at least 0.1 m above the one before";
         root.refuse("altitude_slices_m", "the borders do not ascend", allowed);
     }
-    borders_m
 }
 
 fn check_area(root: &Section, venue: &Venue) {

@@ -13,7 +13,7 @@ use serde::{Deserialize, Serialize};
 use tomoswarm_proto::{Boot, Lease, Order, OrderKind, Ordered, Revision, RunId, SeenState, State, VehicleId};
 
 use crate::geom::Point;
-use crate::sweep::VehicleProgress;
+use crate::sweep::{LOWER_BOOT_AFTER, VehicleProgress};
 use crate::time::Time;
 
 /// What must not be forgotten of a vehicle when the ground station starts anew.
@@ -124,13 +124,15 @@ impl Fleet {
         self.lease
     }
 
-    /// Takes a state; older ones and those of strangers change nothing.
+    /// Takes a state; older ones and those of strangers change nothing, and those of an earlier start only after a long
+    /// silence.
     pub fn heard_state(&mut self, now: Time, state: State) -> Shown {
         let lease = self.lease;
         let Some(member) = self.members.get_mut(&state.vehicle) else { return Shown::default() };
         let key = |state: &State| (state.boot, state.sequence);
-        let is_old = member.state.as_ref().is_some_and(|(_, known)| key(&state) <= key(known));
-        if is_old || member.dealings.boot.is_some_and(|boot| state.boot < boot) {
+        let is_old = member.state.as_ref().is_some_and(|(_, known)| key(&state) <= key(known))
+            || member.dealings.boot.is_some_and(|boot| state.boot < boot);
+        if is_old && !member.counts_anew(now, state.boot) {
             return Shown::default();
         }
         let mut shown = member.hear(state.boot);
@@ -276,10 +278,16 @@ impl Member {
         state.pose.map(|pose| pose.at.into())
     }
 
+    /// Returns whether a lower count of starts is believed: it has been silent for so long that its disk is a new one.
+    fn counts_anew(&self, now: Time, boot: Boot) -> bool {
+        let is_lower = self.dealings.boot.is_some_and(|known| boot < known);
+        is_lower && self.heard_at.is_some_and(|at| now.since(at) > LOWER_BOOT_AFTER)
+    }
+
     /// Gives whether its software was started anew.
     fn hear(&mut self, boot: Boot) -> Shown {
         let known = self.dealings.boot.replace(boot);
-        Shown { restarted: known.is_some_and(|known| known < boot), ..Shown::default() }
+        Shown { restarted: known.is_some_and(|known| known != boot), ..Shown::default() }
     }
 }
 
@@ -459,6 +467,21 @@ mod tests {
         assert_eq!(fleet.heard_progress(old), Shown::default());
         assert!(fleet.heard_progress(VehicleProgress { boot: Boot(2), ..old }).got_on);
         assert!(fleet.heard_progress(VehicleProgress { boot: Boot(3), ..old }).restarted);
+    }
+
+    #[test]
+    fn a_vehicle_with_a_new_disk_is_believed_after_a_long_silence_and_has_restarted() {
+        let at = |seconds: u32| Time::from_secs_f64(f64::from(seconds));
+        let mut fleet = Fleet::new(&[ONE], LEASE);
+        let state_of = |boot: u32, sequence: u64| State { boot: Boot(boot), ..state(sequence, 0, None) };
+        fleet.heard_state(at(0), state_of(9, 100));
+        assert_eq!(fleet.heard_state(at(30), state_of(1, 7)), Shown::default(), "30 s are not long enough");
+        let progress =
+            VehicleProgress { vehicle: ONE, boot: Boot(1), run: RunId(1), ..VehicleProgress::default() };
+        assert!(!fleet.is_current(&progress));
+        assert!(fleet.heard_state(at(31), state_of(1, 8)).restarted);
+        assert!(fleet.is_current(&progress) && fleet.heard_progress(progress).got_on);
+        assert!(!fleet.heard_state(at(32), state_of(1, 9)).restarted, "it is heard by its own count now");
     }
 
     #[test]

@@ -37,11 +37,6 @@ pub enum PartsError {
     Image(#[from] TomoError),
 }
 
-/// A vehicle is lost when it has been silent for so long while others were heard.
-pub const LOST_AFTER: Duration = Duration::from_secs(30);
-/// A vehicle without a bus carries on under its plan for so long.
-pub const AUTONOMY: Duration = Duration::from_secs(60);
-
 /// Makes the ground station of a simulation's file, with the positions that are measured from; `store` names its
 /// store of samples.
 ///
@@ -53,17 +48,15 @@ pub fn ground_node(sim: &Sim, ring: Ring, lease: Lease, store: u64) -> Result<Gr
         vehicles: sim.vehicle_ids().collect(),
         sweep: &sim.sweep,
         imaging: &sim.imaging,
-        separation_m: sim.safety.separation_m,
-        sensitivity_dbm: sim.radio.sensitivity_dbm,
-        planner_time: sim.durations.planner,
-        imager_time: sim.durations.imager,
+        sensitivity_dbm: sim.radio.reception.sensitivity_dbm,
+        planner_time: sim.durations.planner(),
+        imager_time: sim.durations.imager(),
         office: Office {
             lease: Some(lease),
             holder: lease.holder,
             take_over: false,
             boot: Boot(1),
             compare_with: None,
-            lost_after: LOST_AFTER,
             store,
         },
     };
@@ -86,8 +79,7 @@ pub fn ground_parts(
         vehicles: file.vehicles.clone(),
         sweep: &file.sweep,
         imaging: &file.imaging,
-        separation_m: file.separation_m,
-        sensitivity_dbm: file.sensitivity_dbm,
+        sensitivity_dbm: file.reception.sensitivity_dbm,
         planner_time: Duration::ZERO,
         imager_time: Duration::ZERO,
         office: Office {
@@ -96,7 +88,6 @@ pub fn ground_parts(
             take_over: file.take_over,
             boot,
             compare_with: file.compare_with,
-            lost_after: file.lost_after,
             store,
         },
     };
@@ -110,7 +101,6 @@ struct Told<'f> {
     vehicles: Vec<VehicleId>,
     sweep: &'f Sweep,
     imaging: &'f Imaging,
-    separation_m: f64,
     sensitivity_dbm: f64,
     planner_time: Duration,
     imager_time: Duration,
@@ -124,15 +114,15 @@ struct Office {
     take_over: bool,
     boot: Boot,
     compare_with: Option<RunId>,
-    lost_after: Duration,
     store: u64,
 }
 
 impl Told<'_> {
     fn parts(self, ring: Ring) -> Result<GroundParts, TomoError> {
+        let swarm = &self.venue.swarm;
         let image = |subject| image_settings(self.imaging, self.venue.area, self.sensitivity_dbm, subject);
         let imager = Imager::new(image(Subject::Change), image(Subject::Structure), self.imager_time)?;
-        let planner = Planner::new(ring, method(self.sweep), self.separation_m, self.planner_time);
+        let planner = Planner::new(ring, method(self.sweep), swarm.separation_m, self.planner_time);
         let station = StationSettings {
             vehicles: self.vehicles,
             lease: self.office.lease,
@@ -140,8 +130,8 @@ impl Told<'_> {
             take_over: self.office.take_over,
             boot: self.office.boot,
             compare_with: self.office.compare_with,
-            lost_after: self.office.lost_after,
-            autonomy: AUTONOMY,
+            lost_after: swarm.lost_after(),
+            autonomy: swarm.autonomy(),
             store: self.office.store,
             lattice: Lattice::new(self.venue.cell_m),
             bin_m: self.imaging.bin_m,
@@ -157,7 +147,7 @@ pub fn method(sweep: &Sweep) -> Method {
     match sweep.planner {
         PlannerName::RotatingGap => Method::RotatingGap { laps },
         PlannerName::Fan => {
-            let (dwell, dwell_limit) = (sweep.dwell, sweep.dwell_limit);
+            let (dwell, dwell_limit) = (sweep.dwell(), sweep.dwell_limit());
             Method::Fan { rounds: laps, dwell, dwell_limit }
         }
         PlannerName::Calibrate => pattern(sweep, PatternKind::Calibrate),
@@ -167,7 +157,7 @@ pub fn method(sweep: &Sweep) -> Method {
 }
 
 fn pattern(sweep: &Sweep, kind: PatternKind) -> Method {
-    Method::Pattern { kind, dwell: sweep.dwell, dwell_limit: sweep.dwell_limit }
+    Method::Pattern { kind, dwell: sweep.dwell(), dwell_limit: sweep.dwell_limit() }
 }
 
 /// Gives how an image is made of a subject: the defaults for the area, and what the file says.

@@ -5,7 +5,7 @@ use std::time::Duration;
 
 use tomoswarm_proto::{Boot, VehicleId};
 
-use super::settings::{BodySettings, LookSettings, RadioSettings, SafetySettings, Settings, Task};
+use super::settings::{BodySettings, LookSettings, RadioSettings, Settings, Task};
 use crate::config::{self, Body, Look, OwnRadio, Safety, Sim, VehicleFile, Venue};
 use crate::geom::{Angle, Lattice, Point};
 
@@ -17,11 +17,11 @@ impl Settings {
     pub fn from_config(sim: &Sim, vehicle: VehicleId, boot: Boot, home: Point) -> Settings {
         Told {
             venue: &sim.venue,
-            body: sim.vehicles.body(),
-            look: &sim.range.look(),
-            radio: sim.radio.own(),
+            body: sim.vehicles.body,
+            look: &sim.range.look,
+            radio: sim.radio.own,
             safety: sim.safety,
-            path_time: sim.durations.route,
+            path_time: sim.durations.route(),
             task: task(&sim.task, vehicle, sim.vehicles.count),
         }
         .settings(vehicle, boot, home)
@@ -66,11 +66,12 @@ impl Told<'_> {
             body: body_settings(&self.body),
             look: look_settings(self.look),
             radio: RadioSettings {
-                channel: self.radio.channel,
+                channel: self.venue.swarm.channel(),
                 power_dbm: self.radio.power_dbm,
-                slot: self.radio.slot,
+                slot: self.venue.swarm.slot(),
             },
-            safety: safety_settings(&self.safety),
+            safety: self.safety,
+            swarm: self.venue.swarm,
             path_time: self.path_time,
         }
     }
@@ -110,25 +111,13 @@ fn body_settings(body: &Body) -> BodySettings {
 
 fn look_settings(look: &Look) -> LookSettings {
     LookSettings {
-        beams: look.beams.clone(),
-        half_angle: Angle::from_radians(look.half_angle_rad),
+        beams: look.beams(),
+        half_angle: Angle::from_radians(look.half_angle_rad()),
         min_range_m: look.min_range_m,
         max_range_m: look.max_range_m.min(look.farness_m),
         sure_range_m: look.sure_range_m,
-        period: look.scan_period,
-        settle: look.settle,
-        mounts: look.mounts.clone(),
-    }
-}
-
-fn safety_settings(safety: &Safety) -> SafetySettings {
-    SafetySettings {
-        padding_m: safety.padding_m,
-        separation_m: safety.separation_m,
-        pose_sd_max_m: safety.pose_sd_max_m,
-        autonomy: safety.autonomy,
-        battery_return: safety.battery_return,
-        battery_hold: safety.battery_hold,
-        closeness_m: safety.closeness_m,
+        period: look.scan_period(),
+        settle: look.settle(),
+        mounts: look.mounts(),
     }
 }

@@ -25,6 +25,6 @@ pub mod wiring;
 
 pub use own_state::OwnState;
 pub use route::{Effect, Event};
-pub use settings::{BodySettings, LookSettings, RadioSettings, SafetySettings, Settings, Task};
+pub use settings::{BodySettings, LookSettings, RadioSettings, Settings, Task};
 pub use vehicle_node::VehicleNode;
 pub use wiring::VehicleWiring;

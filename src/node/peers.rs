@@ -13,14 +13,13 @@ use tomoswarm_proto::{Boot, Mode, State, VehicleId};
 
 use super::radio::Sighting;
 use crate::geom::{Angle, Point, Pose, Vector};
+use crate::sweep::LOWER_BOOT_AFTER;
 use crate::time::Time;
 
 /// A vehicle of which neither state nor beacon was heard for this long is silent.
 pub(super) const SILENT_AFTER: Duration = Duration::from_secs(2);
 /// A vehicle that drove when it was heard last is not waited for any longer than this.
 const GONE_AFTER: Duration = Duration::from_secs(20);
-/// After so long a silence an earlier start counts as well: a vehicle whose count of starts was lost begins anew.
-const BOOT_COUNTS: Duration = Duration::from_secs(30);
 /// A beacon tells a vehicle's place when no state has for this long.
 const STATE_COUNTS: Duration = Duration::from_secs(1);
 /// A vehicle that moves and is heard by radio alone claims this much ahead, metres: what it drives between two beacons
@@ -66,7 +65,7 @@ impl Peer {
 
     /// Tells whether something of a start comes too late: a later one was heard, not long ago.
     fn has_outlived(&self, now: Time, boot: Boot) -> bool {
-        boot < self.edition.0 && now.since(self.heard_at) <= BOOT_COUNTS
+        boot < self.edition.0 && now.since(self.heard_at) <= LOWER_BOOT_AFTER
     }
 
     /// Tells whether it has rested for a while, since a moment at least. One that drove when it fell silent is waited

@@ -1,8 +1,12 @@
 //! The radio actor: beacons in turn by a token ring without common clocks, and samples of what is heard.
 //!
-//! It is told what the radio driver heard, where the vehicle is, how far the mission is, and for which run to
-//! measure. It says
+//! It is told what the radio driver heard or could not send, where the vehicle is, how far the mission is, and for which
+//! run to measure. It says
 //! beacons, samples, and what peers' beacons tell. It never waits for the bus: a gap costs samples, nothing else.
+//!
+//! Beacons are numbered without gaps, so that a gap is a miss: data of a link that was too weak. A beacon that never went
+//! on the air gives its number back; one that comes twice, or after a newer one, is no news. What was called missed when
+//! a newer one came stays so.
 //!
 //! Members of the ring are the ids heard, or listed in a heard beacon, in the last 5 s, and oneself, ascending. A
 //! beacon lists only those heard directly, so that one that has fallen silent leaves everybody's ring.
@@ -15,7 +19,7 @@
 //!
 //! Deadline: `own slot`.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
@@ -35,6 +39,8 @@ const JOIN_FROM: f64 = 0.15;
 const JOIN_UNTIL: f64 = 0.85;
 /// A gap of more beacons than this is a new start, not that many misses.
 const MISSES_MAX: u32 = 200;
+/// So many beacons that were not sent are remembered while newer ones were said already.
+const UNSENT_MAX: usize = 16;
 
 /// A beacon that came in.
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
@@ -50,6 +56,8 @@ pub struct Heard {
 pub enum In {
     /// A beacon came in.
     Heard(Heard),
+    /// The beacon of this sequence never went on the air.
+    Unsent(u32),
     /// Where the vehicle is.
     State(OwnState),
     /// How far the mission is.
@@ -91,7 +99,10 @@ pub struct Radio {
     /// When each member was last heard, or heard of.
     members: BTreeMap<VehicleId, Time>,
     heard: BTreeMap<VehicleId, Last>,
+    /// Of the last beacon said that has not been taken back.
     sequence: u32,
+    /// Beacons that were not sent, but newer ones were said before that was known.
+    unsent: BTreeSet<u32>,
     /// When somebody last listed this vehicle among those heard.
     listed_at: Option<Time>,
     draws: u64,
@@ -117,7 +128,7 @@ impl Radio {
     pub fn new(settings: Settings) -> Radio {
         let slot_at = Time::ZERO + settings.radio.slot * (1 + u32::from(settings.vehicle.0));
         Radio {
-            place: Place::unknown(settings.safety.pose_sd_max_m),
+            place: Place::unknown(settings.swarm.pose_sd_max_m),
             settings,
             is_at_rest: false,
             is_armed: false,
@@ -126,6 +137,7 @@ impl Radio {
             members: BTreeMap::new(),
             heard: BTreeMap::new(),
             sequence: 0,
+            unsent: BTreeSet::new(),
             listed_at: None,
             draws: 0,
             samples: BTreeMap::new(),
@@ -140,7 +152,7 @@ impl Radio {
 
     fn heard(&mut self, now: Time, heard: Heard, out: &mut Vec<Out>) {
         let beacon = heard.beacon;
-        if beacon.sender == self.settings.vehicle {
+        if beacon.sender == self.settings.vehicle || !self.is_news(now, &beacon) {
             return;
         }
         let own = self.settings.vehicle;
@@ -157,6 +169,30 @@ impl Radio {
         let last = Last { boot, sequence, at: now, pose, receiver: self.place.pose(now) };
         self.heard.insert(beacon.sender, last);
         self.slot_at = now + self.wait_after(now, beacon.sender);
+    }
+
+    /// Returns whether a beacon is newer than all that were heard of its sender. A start of the sender's software that is
+    /// lower than the one heard last counts again when that one has left the ring.
+    fn is_news(&self, now: Time, beacon: &Beacon) -> bool {
+        self.heard.get(&beacon.sender).is_none_or(|last| {
+            let has_left = beacon.boot < last.boot && now.since(last.at) > MEMBER_FOR;
+            (beacon.boot, beacon.sequence) > (last.boot, last.sequence) || has_left
+        })
+    }
+
+    /// Takes the number of a beacon back that was not sent, so that peers see no gap: at once when nothing was said since,
+    /// or else when all that was said since comes back as well. Behind one that was sent it stays a gap.
+    fn take_back(&mut self, sequence: u32) {
+        if sequence == 0 || sequence > self.sequence {
+            return;
+        }
+        self.unsent.insert(sequence);
+        while self.unsent.remove(&self.sequence) {
+            self.sequence -= 1;
+        }
+        if self.unsent.len() > UNSENT_MAX {
+            self.unsent.pop_first();
+        }
     }
 
     /// Returns whose own beacons were heard lately, ascending; of more than a beacon names, those heard last.
@@ -232,7 +268,7 @@ impl Radio {
             let receiver_then = between(last_receiver, receiver_pose, along);
             self.say(now, run, beacon, transmitter_then, receiver_then, None, out);
         }
-        if Pose::from(transmitter_pose).sd_m <= self.settings.safety.pose_sd_max_m {
+        if Pose::from(transmitter_pose).sd_m <= self.settings.swarm.pose_sd_max_m {
             self.say(now, run, beacon, transmitter_pose, receiver_pose, Some(rssi_dbm), out);
         }
     }
@@ -282,6 +318,7 @@ impl Actor for Radio {
     fn handle(&mut self, now: Time, input: In, out: &mut Vec<Out>) -> Result<(), Fault> {
         match input {
             In::Heard(heard) => self.heard(now, heard, out),
+            In::Unsent(sequence) => self.take_back(sequence),
             In::State(state) => {
                 self.place.take(now, &state);
                 (self.is_at_rest, self.is_armed) = (state.is_at_rest, state.is_armed);
@@ -327,7 +364,7 @@ impl Input for In {
 
     fn class(&self) -> Class<u8> {
         match self {
-            In::Heard(_) => Class::Queue,
+            In::Heard(_) | In::Unsent(_) => Class::Queue,
             In::State(_) => Class::Latest(0),
             In::Progress(_) => Class::Latest(1),
             In::Measure(_) => Class::Latest(2),
@@ -339,6 +376,7 @@ impl Input for In {
 mod tests {
     use super::super::tests_support::{own_state, settings, state};
     use super::*;
+    use proptest::prelude::*;
 
     /// Lets radios that hear each other perfectly talk for a while; gives who spoke when.
     fn talk(ids: &[u8], until: Time) -> Vec<(Time, u8, Vec<Out>)> {
@@ -557,15 +595,166 @@ mod tests {
 
     #[test]
     fn a_beacon_without_a_place_is_heard_and_measures_nothing() {
-        let mut radio = Radio::new(settings(1));
-        let mut out = Vec::new();
-        radio.handle(Time::ZERO, In::State(own_state(0.0, 0.0)), &mut out).unwrap();
-        radio.handle(Time::ZERO, In::Measure(Some(RunId(4))), &mut out).unwrap();
+        let mut radio = measuring();
         let out = hear(&mut radio, 0.1, Beacon { pose: None, ..beacon(2, 1, 0.0, vec![]) });
         let [Out::Peer(sighting)] = &out[..] else { panic!("{out:?}") };
         assert_eq!((sighting.progress.vehicle, sighting.pose), (VehicleId(2), None));
         assert_eq!(radio.heard_lately(Time::from_secs_f64(0.2)), [VehicleId(2)]);
         let out = hear(&mut radio, 0.2, beacon(2, 2, 3.0, vec![]));
         assert_eq!(out.iter().filter(|out| matches!(out, Out::Sample(..))).count(), 1);
+    }
+
+    /// A radio that measures at rest, in run 4.
+    fn measuring() -> Radio {
+        let mut radio = Radio::new(settings(1));
+        for input in [In::Measure(Some(RunId(4))), In::State(own_state(0.0, 0.0))] {
+            radio.handle(Time::ZERO, input, &mut Vec::new()).unwrap();
+        }
+        radio
+    }
+
+    /// Lets it hear beacons of vehicle 2 (start of its software, sequence), each sent from as many metres east as its
+    /// sequence; gives of which beacon each sample is, and whether that was heard.
+    fn samples(radio: &mut Radio, beacons: &[(u32, u32)]) -> Vec<(u32, bool)> {
+        let one = |(boot, sequence): &(u32, u32)| {
+            let beacon = Beacon { boot: Boot(*boot), ..beacon(2, *sequence, f64::from(*sequence), vec![]) };
+            hear(radio, 0.0, beacon)
+        };
+        let of = |out| match out {
+            Out::Sample(_, sample) => {
+                Some((sample.transmitter_pose.at.x_m().round() as u32, sample.rssi_dbm.is_some()))
+            }
+            Out::Transmit(_) | Out::Peer(_) => None,
+        };
+        beacons.iter().flat_map(one).filter_map(of).collect()
+    }
+
+    #[test]
+    fn a_doubled_beacon_makes_no_second_sample() {
+        let heard = samples(&mut measuring(), &[(1, 7), (1, 7), (1, 8), (1, 7), (1, 8), (1, 9)]);
+        assert_eq!(heard, [(7, true), (8, true), (9, true)]);
+    }
+
+    #[test]
+    fn a_beacon_that_comes_after_its_successor_makes_no_second_sample_and_no_further_miss() {
+        let heard = samples(&mut measuring(), &[(1, 6), (1, 8), (1, 7), (1, 9)]);
+        assert_eq!(heard, [(6, true), (7, false), (8, true), (9, true)], "7 was called missed already");
+    }
+
+    #[test]
+    fn a_doubled_beacon_does_not_restart_the_wait_for_the_own_slot() {
+        let mut radio = measuring();
+        hear(&mut radio, 1.0, beacon(2, 7, 0.0, vec![VehicleId(1)]));
+        let slot = radio.deadline();
+        assert!(hear(&mut radio, 1.02, beacon(2, 7, 0.0, vec![VehicleId(1)])).is_empty());
+        assert_eq!(radio.deadline(), slot);
+    }
+
+    #[test]
+    fn a_sequence_does_not_wrap() {
+        let mut radio = measuring();
+        let sequences = [u32::MAX - 1, u32::MAX, 0, 1];
+        let made: usize = sequences.map(|sequence| samples(&mut radio, &[(1, sequence)]).len()).iter().sum();
+        assert_eq!(made, 2, "after the last one there is none");
+    }
+
+    #[test]
+    fn a_late_beacon_of_an_earlier_start_hides_no_miss() {
+        let heard = samples(&mut measuring(), &[(1, 40), (2, 1), (1, 41), (2, 3)]);
+        assert_eq!(heard, [(40, true), (1, true), (2, false), (3, true)]);
+    }
+
+    #[test]
+    fn a_sender_that_lost_its_count_of_starts_is_heard_again_once_it_has_left_the_ring() {
+        let mut radio = measuring();
+        let of = |boot, sequence| Beacon { boot: Boot(boot), ..beacon(2, sequence, 0.0, vec![]) };
+        hear(&mut radio, 0.0, of(9, 500));
+        assert!(hear(&mut radio, 5.0, of(1, 1)).is_empty());
+        assert!(!hear(&mut radio, 5.1, of(1, 2)).is_empty());
+    }
+
+    /// Lets it say its next beacon; gives the number.
+    fn number(radio: &mut Radio, now_s: f64) -> u32 {
+        let (now, mut out) = (Time::from_secs_f64(now_s), Vec::new());
+        radio.handle(now, In::State(own_state(0.0, 0.0)), &mut out).unwrap();
+        radio.wake(now, &mut out).unwrap();
+        let Some(Out::Transmit(beacon)) = out.pop() else { panic!("silent") };
+        beacon.sequence
+    }
+
+    fn take_back(radio: &mut Radio, sequence: u32) {
+        radio.handle(Time::ZERO, In::Unsent(sequence), &mut Vec::new()).unwrap();
+    }
+
+    #[test]
+    fn a_beacon_that_was_not_sent_gives_its_number_to_the_next_one() {
+        let mut radio = Radio::new(settings(1));
+        assert_eq!((number(&mut radio, 0.0), number(&mut radio, 0.1)), (1, 2));
+        take_back(&mut radio, 2);
+        assert_eq!((number(&mut radio, 0.2), number(&mut radio, 0.3)), (2, 3));
+        take_back(&mut radio, 9);
+        take_back(&mut radio, 0);
+        assert_eq!(number(&mut radio, 0.4), 4, "what it never said cannot come back");
+    }
+
+    #[test]
+    fn behind_a_beacon_that_was_sent_no_number_comes_back() {
+        let mut radio = Radio::new(settings(1));
+        (1..=3).for_each(|tenth| assert_eq!(number(&mut radio, 0.1 * f64::from(tenth)), tenth));
+        take_back(&mut radio, 2);
+        assert_eq!(number(&mut radio, 0.4), 4, "3 is on the air: it stays what it is");
+    }
+
+    #[test]
+    fn beacons_queued_behind_one_that_was_not_sent_come_back_with_it() {
+        for order in [[2, 3], [3, 2]] {
+            let mut radio = Radio::new(settings(1));
+            (1..=3).for_each(|tenth| assert_eq!(number(&mut radio, 0.1 * f64::from(tenth)), tenth));
+            order.iter().for_each(|sequence| take_back(&mut radio, *sequence));
+            assert_eq!(number(&mut radio, 0.4), 2, "{order:?}");
+        }
+    }
+
+    proptest! {
+        #[test]
+        fn every_sequence_from_the_first_heard_to_the_newest_is_one_sample(
+            sequences in prop::collection::vec(1..60u32, 1..80),
+        ) {
+            let beacons: Vec<(u32, u32)> = sequences.iter().map(|sequence| (1, *sequence)).collect();
+            let made = samples(&mut measuring(), &beacons);
+            let (first, newest) = (sequences[0], *sequences.iter().filter(|it| **it >= sequences[0]).max().unwrap());
+            let of: Vec<u32> = made.iter().map(|(sequence, _)| *sequence).collect();
+            prop_assert_eq!(of, (first..=newest).collect::<Vec<_>>());
+            for (sequence, is_heard) in made {
+                prop_assert!(!is_heard || sequences.contains(&sequence));
+            }
+        }
+
+        #[test]
+        fn numbers_on_the_air_rise_and_what_was_not_sent_leaves_a_gap_only_before_one_that_was(
+            tries in prop::collection::vec((any::<bool>(), 0..3usize), 1..60),
+        ) {
+            let mut radio = Radio::new(settings(1));
+            // What was not sent since something was last sent, and whether that is known; what is not known yet.
+            let (mut open, mut late) = (Vec::<(u32, bool)>::new(), Vec::<(usize, u32)>::new());
+            let (mut on_air, mut gaps) = (Vec::new(), 0);
+            for (index, (is_sent, delay)) in tries.iter().enumerate() {
+                for (_, sequence) in late.extract_if(.., |(at, _)| *at <= index) {
+                    take_back(&mut radio, sequence);
+                    open.iter_mut().filter(|(of, _)| *of == sequence).for_each(|(_, is_known)| *is_known = true);
+                    while open.pop_if(|(_, is_known)| *is_known).is_some() {}
+                }
+                let sequence = number(&mut radio, 0.1 * index as f64);
+                if *is_sent {
+                    gaps += open.drain(..).count() as u32;
+                    on_air.push(sequence);
+                } else {
+                    open.push((sequence, false));
+                    late.push((index + 1 + delay, sequence));
+                }
+            }
+            prop_assert!(on_air.is_sorted_by(|one, next| one < next), "{:?}", on_air);
+            prop_assert_eq!(on_air.last().map_or(0, |last| last - on_air.len() as u32), gaps);
+        }
     }
 }

@@ -5,7 +5,7 @@
 //!                         └──────Scan (reflex stop)────────────────────────► vehicle
 //!  autopilot driver ─Telemetry─► vehicle ──State──► sensor, mission, radio, bus
 //!  map ──Tiles──► bus                      bus ──peers' Tiles, Digest, Want──► map
-//!  radio driver ─Heard─► radio ──Keep──► disk ──Kept──► outbox ──Samples──► bus
+//!  radio driver ─Heard, Unsent─► radio ──Keep──► disk ──Kept──► outbox ──Samples──► bus
 //!                                        disk ◄─Forget, Recall─ outbox      bus ──Have──► outbox
 //!  bus ──Plan, peers' State and Mission──► mission ──Mission──► radio (its progress, in beacons), bus
 //!  radio ──what peers' beacons tell──► mission, vehicle      bus ──whoever is heard──► mission
@@ -26,6 +26,8 @@ pub enum Event {
     Echo(sensor::Echo),
     /// The radio driver heard a beacon.
     Heard(radio::Heard),
+    /// The radio driver has not sent the beacon of this sequence: it never went on the air.
+    Unsent(u32),
     /// The bus delivered a message that another node said.
     Bus(Sender, Message),
     /// A sample is kept: it will be told again when it is recalled, also after a restart.
@@ -127,6 +129,7 @@ pub(crate) fn route(output: Output, to: &mut Vec<Destination>) {
         }
         Output::Edge(Event::Echo(echo)) => to.push(Destination::Sensor(sensor::In::Echo(echo))),
         Output::Edge(Event::Heard(heard)) => to.push(Destination::Radio(radio::In::Heard(heard))),
+        Output::Edge(Event::Unsent(sequence)) => to.push(Destination::Radio(radio::In::Unsent(sequence))),
         Output::Edge(Event::Bus(sender, message)) => route_message(sender, message, to),
         Output::Edge(Event::Kept(boot, run, sample)) => {
             to.push(Destination::Outbox(outbox::In::Kept((boot, run, sample))));

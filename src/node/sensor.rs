@@ -9,7 +9,7 @@
 //! An echo counts once, and only until the sensor turns on to the next beam.
 //!
 //! ```text
-//!   [Listening] ──next beam──► [Pointing] ──servo settled: ping──► [Listening]
+//!   [Pointing] ──servo settled: ping──► [Listening] ──next beam──► [Pointing], or [Listening] where no time is needed to settle
 //! ```
 //!
 //! Deadlines: `next beam`, `servo settled`.
@@ -121,6 +121,13 @@ impl Sensor {
         Sensor { look, place, beam: 0, phase, pings: 0, last_m, pointing }
     }
 
+    fn ping(&mut self, now: Time, next: Time, out: &mut Vec<Out>) {
+        self.pings += 1;
+        let next = next.max(now + Duration::from_nanos(1));
+        self.phase = Phase::Listening { awaited: Some(self.pings), next };
+        out.push(Out::Ping(Ping { number: self.pings }));
+    }
+
     fn echo(&mut self, now: Time, echo: Echo, out: &mut Vec<Out>) {
         let Phase::Listening { awaited, next } = self.phase else { return };
         if awaited != Some(echo.number) {
@@ -172,15 +179,15 @@ impl Actor for Sensor {
                 let beam = self.look.beams[self.beam];
                 let turns = self.pointing.steer(now.since(Time::ZERO), beam);
                 let next = now + self.look.period + turns;
-                self.phase = Phase::Pointing { settled: now + turns + self.look.settle, next };
+                let settled = now + turns + self.look.settle;
                 out.push(Out::Steer(beam));
+                if settled > now {
+                    self.phase = Phase::Pointing { settled, next };
+                } else {
+                    self.ping(now, next, out);
+                }
             }
-            Phase::Pointing { next, .. } => {
-                self.pings += 1;
-                let next = next.max(now + Duration::from_nanos(1));
-                self.phase = Phase::Listening { awaited: Some(self.pings), next };
-                out.push(Out::Ping(Ping { number: self.pings }));
-            }
+            Phase::Pointing { next, .. } => self.ping(now, next, out),
         }
         Ok(())
     }
@@ -205,7 +212,7 @@ mod tests {
 
     fn sensor() -> Sensor {
         let settings = super::super::tests_support::settings(1);
-        Sensor::new(settings.look, settings.safety.pose_sd_max_m)
+        Sensor::new(settings.look, settings.swarm.pose_sd_max_m)
     }
 
     fn told(sensor: &mut Sensor, now: Time, input: In) -> Vec<Out> {
@@ -243,6 +250,20 @@ mod tests {
     }
 
     #[test]
+    fn a_servo_that_needs_no_time_pings_at_once_and_no_wake_is_in_vain() {
+        let mut settings = super::super::tests_support::settings(1);
+        settings.look.settle = Duration::ZERO;
+        let mut sensor = Sensor::new(settings.look.clone(), settings.swarm.pose_sd_max_m);
+        for number in 1..=7 {
+            let mut out = Vec::new();
+            let due = sensor.deadline().unwrap().at;
+            sensor.wake(due, &mut out).unwrap();
+            assert!(matches!(out[..], [Out::Steer(_), Out::Ping(ping)] if ping.number == number), "{out:?}");
+            assert_eq!(sensor.deadline().unwrap().at, due + settings.look.period);
+        }
+    }
+
+    #[test]
     fn ten_readings_a_second_go_round_all_beams() {
         let mut sensor = sensor();
         let pings: Vec<Time> = (0..7).map(|_| next_ping(&mut sensor).0).collect();
@@ -262,7 +283,7 @@ mod tests {
         let mut settings = super::super::tests_support::settings(1);
         settings.look.beams = [0.0, 180.0, 20.0].map(Angle::from_degrees).to_vec();
         settings.look.mounts = Mounts::new(vec![servo(0.0, 45.0), servo(180.0, 0.0)]);
-        let mut sensor = Sensor::new(settings.look.clone(), settings.safety.pose_sd_max_m);
+        let mut sensor = Sensor::new(settings.look.clone(), settings.swarm.pose_sd_max_m);
         let mut pings = Vec::new();
         let mut steered = Vec::new();
         while pings.len() < 7 {

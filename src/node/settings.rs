@@ -5,6 +5,7 @@ use std::time::Duration;
 use serde::{Deserialize, Serialize};
 use tomoswarm_proto::{Boot, VehicleId};
 
+use crate::config::{Safety, Swarm};
 use crate::geom::{Angle, Lattice, Point, Polygon};
 use crate::plan::Mounts;
 
@@ -33,7 +34,9 @@ pub struct Settings {
     /// Its radio.
     pub radio: RadioSettings,
     /// Distances that it keeps.
-    pub safety: SafetySettings,
+    pub safety: Safety,
+    /// What all nodes of the swarm agree on.
+    pub swarm: Swarm,
     /// How long a search for a path takes before its result may be used.
     pub path_time: Duration,
 }
@@ -106,25 +109,6 @@ pub struct RadioSettings {
     pub power_dbm: i8,
     /// Length of one slot of the token ring.
     pub slot: Duration,
-}
-
-/// Distances that are kept, and when a vehicle acts on its own.
-#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
-pub struct SafetySettings {
-    /// Free space kept around the body, metres.
-    pub padding_m: f64,
-    /// Smallest distance between the middles of two vehicles' routes, metres.
-    pub separation_m: f64,
-    /// Above this pose deviation nothing is driven, measured or mapped, metres.
-    pub pose_sd_max_m: f64,
-    /// How long it carries on when it hears nobody on the bus.
-    pub autonomy: Duration,
-    /// Below this charge it returns by itself, 0 to 1.
-    pub battery_return: f64,
-    /// Below this charge it stays where it is, 0 to 1.
-    pub battery_hold: f64,
-    /// A reading nearer than this from where it drives to halts it, however slow it is, metres.
-    pub closeness_m: f64,
 }
 
 impl Settings {

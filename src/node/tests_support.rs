@@ -8,7 +8,7 @@ use serde::Deserialize;
 use serde::de::value::{Error, StrDeserializer};
 use tomoswarm_proto::{Boot, Mode, Permille, State, VehicleId};
 
-use super::{BodySettings, LookSettings, OwnState, RadioSettings, SafetySettings, Settings};
+use super::{BodySettings, LookSettings, OwnState, RadioSettings, Settings};
 use crate::geom::{Angle, Lattice, Point, Pose, Rect};
 
 /// The own vehicle, standing at a place, facing along x, as the other actors of it are told.
@@ -66,15 +66,8 @@ pub fn settings(vehicle: u8) -> Settings {
             mounts: crate::plan::Mounts::default(),
         },
         radio: RadioSettings { channel: 11, power_dbm: 0, slot: Duration::from_millis(50) },
-        safety: SafetySettings {
-            padding_m: 0.15,
-            separation_m: 1.0,
-            pose_sd_max_m: 0.5,
-            autonomy: Duration::from_secs(60),
-            battery_return: 0.2,
-            battery_hold: 0.05,
-            closeness_m: 0.0,
-        },
+        safety: crate::config::Safety { padding_m: 0.15, ..Default::default() },
+        swarm: crate::config::Swarm::default(),
         task: crate::node::Task::Plan,
         path_time: Duration::from_millis(20),
     }

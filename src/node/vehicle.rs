@@ -151,7 +151,7 @@ impl Vehicle {
 
     /// Stops a vehicle that drives and no longer knows where it is; said once.
     fn stop_when_lost(&mut self, now: Time, telemetry: &Telemetry, out: &mut Vec<Out>) {
-        let is_lost = telemetry.pose.sd_m > self.settings.safety.pose_sd_max_m;
+        let is_lost = telemetry.pose.sd_m > self.settings.swarm.pose_sd_max_m;
         if is_lost && telemetry.motion == Motion::Driving && !self.movement.is_stop() {
             self.stop(now, out);
             out.push(Out::Remark(Remark::Refused(Refusal::PoseUncertain)));

@@ -50,7 +50,7 @@ impl Wiring for VehicleWiring {
                 name: "sensor",
                 restart: RestartPolicy::Restart,
                 acting: ActingTime::Short,
-                make: |settings| Sensor::new(settings.look.clone(), settings.safety.pose_sd_max_m),
+                make: |settings| Sensor::new(settings.look.clone(), settings.swarm.pose_sd_max_m),
                 output: Output::Sensor,
             }),
             map: fill.actor(Wire {

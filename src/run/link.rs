@@ -9,7 +9,7 @@
 //!     Join{vehicle, boot, token} ─────►                     ◄───── Control{token}
 //!                                ◄───── Welcome or Refused ─────►
 //!     Fly Steer Ping Transmit    ─────►                     ◄───── Enter Report Track Stop
-//!                                ◄───── Telemetry Echo Heard, Status Places ─────►
+//!                                ◄───── Telemetry Echo Heard Unsent, Status Places ─────►
 //! ```
 
 mod client;
@@ -94,6 +94,8 @@ pub enum FromWorld {
         /// How strongly, dBm.
         rssi_dbm: i16,
     },
+    /// The radio has not sent the beacon of this sequence: it was speaking, or the beacon is none that it could send.
+    Unsent(u32),
     /// How it is going.
     Status(Status),
     /// Places of a track; fewer than [`PLACES_LIMIT`] are its end.

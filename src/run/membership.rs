@@ -49,7 +49,7 @@ pub fn bus_settings(node: Sender, venue: &Venue, file: &BusFile, access: Vec<Acc
         listen: text(&file.listen),
         connect: text(&file.connect),
         trust,
-        lease: file.lease,
+        lease: file.lease(),
         egress_bytes_per_s: (file.egress_kb_per_s * 1e3) as u32,
         gossip: file.gossip,
     }

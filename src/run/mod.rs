@@ -7,17 +7,19 @@
 
 pub mod bus;
 pub mod clock;
-pub mod door;
 pub mod ground_process;
 pub mod link;
 pub mod live;
+pub mod live_operator;
 pub mod mailbox;
 pub mod member;
 pub mod membership;
 pub mod node_threads;
+pub mod operator_session;
 pub mod process;
 pub mod state_dir;
 pub mod subjects;
+pub mod tap;
 pub mod trust;
 pub mod vehicle_process;
 pub mod world;

@@ -370,10 +370,23 @@ impl Edge {
     }
 }
 
-/// Cuts words to what a message carries.
+/// Words of a message at most, and bytes of each.
+const WORDS: usize = 16;
+const WORD_BYTES: usize = 200;
+
+/// Cuts words to what a message carries; a cut one shows that it is.
 pub(super) fn short(words: Vec<String>) -> Vec<String> {
-    let cut = |word: String| word.chars().take(50).collect();
-    words.into_iter().take(16).map(cut).collect()
+    words.into_iter().take(WORDS).map(cut).collect()
+}
+
+fn cut(mut word: String) -> String {
+    if word.len() > WORD_BYTES {
+        let most = WORD_BYTES - '…'.len_utf8();
+        let end = (0..=most).rev().find(|end| word.is_char_boundary(*end)).unwrap_or(0);
+        word.truncate(end);
+        word.push('…');
+    }
+    word
 }
 
 #[cfg(test)]
@@ -382,6 +395,15 @@ mod tests {
 
     fn at(time_s: f64) -> Time {
         Time::from_secs_f64(time_s)
+    }
+
+    #[test]
+    fn a_trouble_is_told_with_its_reason_and_never_in_more_bytes_than_a_message_carries() {
+        let whole = "recording: /var/lib/tomoswarm/vehicle-1/recording/0001.mcap: cannot be written: No space left on device";
+        assert_eq!(short(vec![whole.to_owned()]), [whole]);
+        let long = short(vec!["ä".repeat(300)]);
+        assert!(long[0].len() <= WORD_BYTES && long[0].ends_with("ä…"), "{}", long[0]);
+        assert_eq!(short(vec![String::new(); 99]).len(), WORDS);
     }
 
     #[test]

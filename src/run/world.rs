@@ -11,13 +11,13 @@
 //!
 //! It does not keep anything: a world that is started again begins anew, with everybody at home.
 
-mod crowd;
-mod door;
+mod connection_limit;
+mod listener;
 mod live_world;
 mod outgoing;
-mod stage_hand;
 #[cfg(test)]
 mod tests;
+mod world_thread;
 
 use std::io;
 use std::net::{SocketAddr, TcpListener, TcpStream};
@@ -30,10 +30,10 @@ use std::time::Duration;
 use super::link::{Status, TOKEN_LIMIT};
 use crate::sim::{Scenario, ScenarioError};
 
-use crowd::Crowd;
-use door::Door;
+use connection_limit::ConnectionLimit;
+use listener::{Listener, connection_limit};
 use live_world::LiveWorld;
-use stage_hand::{Inbound, StageHand};
+use world_thread::{Inbound, WorldThread};
 
 /// Words that wait for the world; whoever says more waits.
 const WORDS_WAITING: usize = 1024;
@@ -72,9 +72,9 @@ pub enum WorldError {
 pub struct WorldServer {
     address: SocketAddr,
     stopper: WorldStopper,
-    stage_hand: Option<JoinHandle<Status>>,
-    door: Option<JoinHandle<()>>,
-    crowd: Arc<Crowd>,
+    world: Option<JoinHandle<Status>>,
+    listener: Option<JoinHandle<()>>,
+    connections: Arc<ConnectionLimit>,
     is_ended: Arc<AtomicBool>,
 }
 
@@ -110,25 +110,25 @@ impl WorldServer {
     }
 
     fn open(world: LiveWorld, listen: SocketAddr, token: &str) -> io::Result<WorldServer> {
-        let listener = TcpListener::bind(listen)?;
-        let address = listener.local_addr()?;
+        let socket = TcpListener::bind(listen)?;
+        let address = socket.local_addr()?;
         let (words, inbox) = sync_channel(WORDS_WAITING);
-        let (crowd, is_ended) = (Arc::<Crowd>::default(), Arc::new(AtomicBool::new(false)));
-        let (token, vehicles) = (token.as_bytes(), world.vehicles());
-        let door = Door::new(token, vehicles, crowd.clone(), words.clone(), is_ended.clone());
-        let stage_hand = std::thread::Builder::new()
+        let is_ended = Arc::new(AtomicBool::new(false));
+        let connections = Arc::new(connection_limit(world.vehicles()));
+        let listener = Listener::new(token.as_bytes(), connections.clone(), words.clone(), is_ended.clone());
+        let thread = std::thread::Builder::new()
             .name("world".to_owned())
-            .spawn(move || StageHand::new(world).run(&inbox))?;
+            .spawn(move || WorldThread::new(world).run(&inbox))?;
         let mut server = WorldServer {
             address,
             stopper: WorldStopper { words },
-            stage_hand: Some(stage_hand),
-            door: None,
-            crowd,
+            world: Some(thread),
+            listener: None,
+            connections,
             is_ended,
         };
-        let named = std::thread::Builder::new().name("world door".to_owned());
-        server.door = Some(named.spawn(move || door.serve(&listener))?);
+        let named = std::thread::Builder::new().name("world listener".to_owned());
+        server.listener = Some(named.spawn(move || listener.serve(&socket))?);
         Ok(server)
     }
 
@@ -148,22 +148,22 @@ impl WorldServer {
     }
 
     fn join(&mut self) -> Status {
-        let status = self.stage_hand.take().and_then(|thread| thread.join().ok()).unwrap_or_default();
+        let status = self.world.take().and_then(|thread| thread.join().ok()).unwrap_or_default();
         self.is_ended.store(true, Ordering::Release);
-        if let Some(door) = self.door.take() {
-            // The door waits for somebody to come; this is nobody, and it sees that the world has ended.
+        if let Some(listener) = self.listener.take() {
+            // The listener waits for somebody to come; this is nobody, and it sees that the world has ended.
             let _ = TcpStream::connect(self.address);
-            // The door has nothing to tell.
-            let _ = door.join();
+            // The listener has nothing to tell.
+            let _ = listener.join();
         }
-        self.crowd.wait_for_end(ENDS_WITHIN);
+        self.connections.wait_for_end(ENDS_WITHIN);
         status
     }
 }
 
 impl Drop for WorldServer {
     fn drop(&mut self) {
-        if self.stage_hand.is_some() {
+        if self.world.is_some() {
             self.stopper.stop();
             self.join();
         }

@@ -1,5 +1,5 @@
-//! The faults of a scenario, as the kernel asks for them. When they are is the file's business, what follows from
-//! them is the nodes'.
+//! The faults of a scenario, as those ask for them whom they hit: the environment (devices), the kernel (software) and the
+//! bus. When they are is the file's business, what follows from them is the nodes'.
 
 use tomoswarm_proto::{Sender, VehicleId};
 
@@ -13,15 +13,13 @@ pub struct Faults {
     list: Vec<Fault>,
 }
 
-/// What a fault does at the moment of its beginning or end.
+/// What a fault of software does at the moment of its beginning or end.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub enum Turn {
     /// The software of a vehicle ends.
     Ends(VehicleId),
     /// The software of a vehicle starts.
     Starts(VehicleId),
-    /// The battery of a vehicle has this charge, 0 to 1.
-    Charge(VehicleId, f64),
 }
 
 impl Faults {
@@ -44,7 +42,24 @@ impl Faults {
         self.list.iter().any(|fault| fault.kind == kind && fault.hits(now, vehicle))
     }
 
-    /// Gives what happens once, and when.
+    /// Gives which batteries have which charge at once, 0 to 1, and when.
+    pub fn charges(&self) -> Vec<(Time, VehicleId, f64)> {
+        let charge_of = |fault: &Fault| match fault.kind {
+            FaultKind::Battery(charge) => Some(charge),
+            FaultKind::Bus
+            | FaultKind::Radio
+            | FaultKind::Restart
+            | FaultKind::Dead
+            | FaultKind::Sensor
+            | FaultKind::Gps => None,
+        };
+        let charges = self.list.iter().filter_map(|fault| Some((fault, charge_of(fault)?)));
+        charges
+            .flat_map(|(fault, charge)| fault.vehicles.iter().map(move |id| (fault.from, *id, charge)))
+            .collect()
+    }
+
+    /// Gives what happens to the software of vehicles, and when.
     pub fn turns(&self) -> Vec<(Time, Turn)> {
         self.list.iter().flat_map(turns_of).filter(|(at, _)| *at < Time::NEVER).collect()
     }
@@ -76,10 +91,9 @@ fn turns_of(fault: &Fault) -> Vec<(Time, Turn)> {
     match fault.kind {
         FaultKind::Dead => each(fault.from, Turn::Ends).collect(),
         FaultKind::Restart => each(fault.from, Turn::Ends).chain(each(fault.until, Turn::Starts)).collect(),
-        FaultKind::Battery(charge) => {
-            fault.vehicles.iter().map(|id| (fault.from, Turn::Charge(*id, charge))).collect()
+        FaultKind::Bus | FaultKind::Radio | FaultKind::Sensor | FaultKind::Gps | FaultKind::Battery(_) => {
+            Vec::new()
         }
-        FaultKind::Bus | FaultKind::Radio | FaultKind::Sensor | FaultKind::Gps => Vec::new(),
     }
 }
 

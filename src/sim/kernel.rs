@@ -2,9 +2,9 @@
 //! they want done back into the queue. One thread, virtual time; the same scenario and seed give the same run.
 //!
 //! ```text
-//!   queue ─► wake │ telemetry │ echo │ end of a beacon │ delivery │ contact ─► node.tell / node.wake ─► effects
-//!     ▲                                                                                                   │
-//!     └───────────── simulated drivers (world), bus ◄────────────────────────────────────────────────────┘
+//!   queue ─► wake │ what happens in the environment │ delivery │ script ─► node.tell / node.wake ─► effects
+//!     ▲                                                                                              │
+//!     └───────────── environment, bus ◄──────────────────────────────────────────────────────────────┘
 //! ```
 
 mod failing;
@@ -13,24 +13,25 @@ mod recorded;
 #[cfg(test)]
 mod rig;
 mod scripted;
+#[cfg(test)]
+mod tests;
 
 use std::sync::Arc;
 use std::time::Duration;
 
 use tomoswarm_proto::codec::{self, Decoded};
-use tomoswarm_proto::{Beacon, Message, VehicleId};
+use tomoswarm_proto::{Message, VehicleId};
 
 pub(super) use self::recorded::Recording;
 use super::bus::{Bus, Frame, NodeId, receivers};
 use super::disk::Disk;
+use super::environment::{DeviceCommand, Environment, WorldEvent};
 use super::faults::{Faults, Turn};
 use super::noise::Noise;
 use super::outcome::Recorder;
-use super::outside::{Happened, Later, Outside, TELEMETRY_EVERY, TRACK_EVERY, first_telemetry};
 use super::queue::EventQueue;
 use super::script::{Next, Script, Step};
 use super::shown::{Shown, Shows};
-use super::world::{Touch, World};
 use crate::actor::Fault;
 use crate::ground::station::Note as GroundNote;
 use crate::ground::{self, GroundNode};
@@ -45,11 +46,16 @@ use crate::time::Time;
 const SETTLES: Duration = Duration::from_secs(20);
 /// What is to happen.
 enum Event {
-    Wake { node: usize, generation: u64 },
-    Telemetry { vehicle: usize },
-    Track,
-    Later(Later),
-    Deliver { to: NodeId, frame: Arc<Frame> },
+    Wake {
+        node: usize,
+        generation: u64,
+    },
+    /// Something is to happen in the environment.
+    Environment,
+    Deliver {
+        to: NodeId,
+        frame: Arc<Frame>,
+    },
     Script(Step),
     Fault(Turn),
 }
@@ -77,7 +83,7 @@ pub struct Status {
 /// Everything that a run is made of.
 pub(super) struct Parts {
     pub noise: Noise,
-    pub world: World,
+    pub environment: Environment,
     pub bus: Bus,
     pub vehicles: Vec<VehicleNode>,
     /// What each of them was told, to be told again when it restarts.
@@ -87,6 +93,8 @@ pub(super) struct Parts {
     pub script: Script,
     pub until: Time,
     pub shuffle_ties: bool,
+    /// The first contact ends the run.
+    pub ends_at_contact: bool,
     /// How often the run shows itself, virtual time.
     pub shown_every: Duration,
 }
@@ -94,9 +102,8 @@ pub(super) struct Parts {
 /// The kernel of one run.
 pub(super) struct Kernel {
     now: Time,
-    noise: Noise,
     queue: EventQueue<Event>,
-    outside: Outside,
+    environment: Environment,
     bus: Bus,
     vehicles: Vec<VehicleNode>,
     settings: Vec<node::Settings>,
@@ -107,12 +114,14 @@ pub(super) struct Kernel {
     alarms: Vec<Alarm>,
     script: Script,
     until: Time,
+    ends_at_contact: bool,
     shows: Shows,
     record: Recorder,
     status: Status,
     ended: Option<Time>,
     vehicle_effects: Vec<node::Effect>,
     ground_effects: Vec<ground::Effect>,
+    world_events: Vec<WorldEvent>,
 }
 
 impl Kernel {
@@ -122,9 +131,8 @@ impl Kernel {
         let ids: Vec<VehicleId> = parts.vehicles.iter().map(VehicleNode::id).collect();
         let mut kernel = Kernel {
             now: Time::ZERO,
-            noise: parts.noise,
             queue: EventQueue::new(ties),
-            outside: Outside::new(parts.world),
+            environment: parts.environment,
             bus: parts.bus,
             vehicles: parts.vehicles,
             settings: parts.settings,
@@ -135,23 +143,24 @@ impl Kernel {
             alarms: vec![Alarm::default(); count + 1],
             script: parts.script,
             until: parts.until,
+            ends_at_contact: parts.ends_at_contact,
             shows: Shows::every(parts.shown_every),
             record: Recorder::new(&ids),
             status: Status { now: Time::ZERO, laps_done: 0, laps: 0, samples: 0 },
             ended: None,
             vehicle_effects: Vec::new(),
             ground_effects: Vec::new(),
+            world_events: Vec::new(),
         };
         kernel.prime();
         kernel
     }
 
     fn prime(&mut self) {
-        for vehicle in 0..self.vehicles.len() {
-            let first = first_telemetry(self.noise, self.vehicles[vehicle].id());
-            self.queue.push(first, Event::Telemetry { vehicle });
-        }
-        self.queue.push(Time::ZERO + TRACK_EVERY, Event::Track);
+        let mut said = Vec::new();
+        self.environment.begin(&mut said);
+        self.schedule(&mut said);
+        (0..self.vehicles.len()).for_each(|vehicle| self.environment.attach(self.now, vehicle));
         let (after, first) = self.script.first();
         self.queue.push(Time::ZERO + after, Event::Script(first));
         for (at, turn) in self.faults.turns() {
@@ -192,13 +201,18 @@ impl Kernel {
     }
 
     /// Takes the run apart.
-    pub fn into_parts(mut self) -> (Recorder, Outside, GroundNode, Bus, Time, f64) {
+    pub fn into_parts(mut self) -> (Recorder, Environment, GroundNode, Bus, Time, f64) {
         self.log_holdings();
         self.record.sweep_done = self.script.is_sweep_done();
         (self.record.alive, self.record.home, self.record.held) = self.muster();
-        let separation_m = self.outside.min_separation_m(self.now);
+        let counts = self.environment.counts();
+        self.record.counts.scans = counts.scans;
+        self.record.counts.beacons_heard = counts.beacons_heard;
+        self.record.counts.collided_beacons = counts.collided_beacons;
+        self.record.counts.dropped_commands = counts.dropped;
+        let separation_m = self.environment.min_separation_m(self.now);
         let end = self.ended.unwrap_or(self.now);
-        (self.record, self.outside, self.ground, self.bus, end, separation_m)
+        (self.record, self.environment, self.ground, self.bus, end, separation_m)
     }
 
     /// Ends the run, but for what is still on its way.
@@ -212,19 +226,7 @@ impl Kernel {
     fn happen(&mut self, event: Event) -> Result<(), Fault> {
         match event {
             Event::Wake { node, generation } => self.wake(node, generation),
-            Event::Telemetry { vehicle } => {
-                self.record.track(vehicle, self.outside.world().truth(vehicle, self.now).at);
-                let telemetry = self.outside.telemetry(vehicle, self.now);
-                let touches = self.outside.foreseen();
-                self.foresee(touches);
-                self.queue.push(self.now + TELEMETRY_EVERY, Event::Telemetry { vehicle });
-                self.tell(vehicle, node::Event::Telemetry(telemetry))
-            }
-            Event::Track => {
-                self.track();
-                Ok(())
-            }
-            Event::Later(later) => self.outside(later),
+            Event::Environment => self.wake_environment(),
             Event::Deliver { to, frame } => self.deliver(to, &frame),
             Event::Script(step) => self.script(step),
             Event::Fault(turn) => {
@@ -303,14 +305,11 @@ impl Kernel {
         match effect {
             // After the end nothing sets out any more; what moves comes to rest.
             node::Effect::Fly(Fly::Drive { .. } | Fly::Turn(_)) if self.ended.is_some() => {}
-            node::Effect::Fly(fly) => {
-                let touches = self.outside.fly(vehicle, self.now, &fly);
-                self.foresee(touches);
-            }
-            node::Effect::Steer(beam) => self.outside.steer(vehicle, self.now, beam),
+            node::Effect::Fly(fly) => return self.command(vehicle, DeviceCommand::Fly(fly)),
+            node::Effect::Steer(beam) => return self.command(vehicle, DeviceCommand::Steer(beam)),
             node::Effect::Ping(_) | node::Effect::Transmit(_) if self.ended.is_some() => {}
-            node::Effect::Ping(ping) => self.ping(vehicle, ping.number),
-            node::Effect::Transmit(beacon) => self.transmit(vehicle, beacon),
+            node::Effect::Ping(ping) => return self.command(vehicle, DeviceCommand::Ping(ping)),
+            node::Effect::Transmit(beacon) => return self.command(vehicle, DeviceCommand::Transmit(beacon)),
             node::Effect::Publish(message) => {
                 self.publish(NodeId::Vehicle(self.vehicles[vehicle].id()), &message);
             }
@@ -329,57 +328,74 @@ impl Kernel {
         None
     }
 
-    /// Queues contacts that will happen unless the motion changes before.
-    fn foresee(&mut self, touches: Vec<Touch>) {
-        for touch in touches {
-            self.queue.push(touch.at.max(self.now), Event::Later(Later::Touch(touch)));
-        }
+    /// Lets a device of a vehicle obey; returns what it answers at once. The rest comes when its time has come.
+    fn command(&mut self, vehicle: usize, command: DeviceCommand) -> Option<node::Event> {
+        let mut said = std::mem::take(&mut self.world_events);
+        self.environment.obey(self.now, vehicle, command, &mut said);
+        let unsent = said.iter().find_map(|event| match event {
+            WorldEvent::Unsent { sequence, .. } => Some(node::Event::Unsent(*sequence)),
+            WorldEvent::Scheduled(_)
+            | WorldEvent::Telemetry { .. }
+            | WorldEvent::Echo { .. }
+            | WorldEvent::Heard { .. }
+            | WorldEvent::Contact(_)
+            | WorldEvent::Charged { .. }
+            | WorldEvent::Track(_) => None,
+        });
+        self.schedule(&mut said);
+        self.world_events = said;
+        unsent
     }
 
-    fn ping(&mut self, vehicle: usize, number: u64) {
-        if self.faults.blind(self.now, self.vehicles[vehicle].id()) {
-            return;
-        }
-        self.record.counts.scans += 1;
-        let (at, later) = self.outside.ping(vehicle, self.now, number);
-        self.queue.push(at, Event::Later(later));
-    }
-
-    fn transmit(&mut self, vehicle: usize, beacon: Beacon) {
-        if self.faults.cut_radio(self.now, self.vehicles[vehicle].id()) {
-            return;
-        }
-        if let Some((ends, later)) = self.outside.transmit(vehicle, self.now, beacon) {
-            self.queue.push(ends, Event::Later(later));
-        }
-    }
-
-    /// Lets something happen outside the vehicles, and tells those who notice.
-    fn outside(&mut self, later: Later) -> Result<(), Fault> {
-        match self.outside.happen(self.now, later) {
-            Happened::Nothing => Ok(()),
-            Happened::Echo { vehicle, echo } => self.tell(vehicle, node::Event::Echo(echo)),
-            Happened::Collided => {
-                self.record.counts.collided_beacons += 1;
-                Ok(())
+    /// Queues the moments at which the environment wants to be woken; the list is empty then.
+    fn schedule(&mut self, said: &mut Vec<WorldEvent>) {
+        for event in said.drain(..) {
+            if let WorldEvent::Scheduled(at) = event {
+                self.queue.push(at, Event::Environment);
             }
-            Happened::Heard { frame, receivers } => self.hear(&frame, &receivers),
-            Happened::Collision(collision) => {
+        }
+    }
+
+    /// Lets happen what is due in the environment, and tells those who notice.
+    fn wake_environment(&mut self) -> Result<(), Fault> {
+        let mut happened = std::mem::take(&mut self.world_events);
+        self.environment.wake(self.now, &mut happened);
+        for event in happened.drain(..) {
+            self.notice(event)?;
+        }
+        self.world_events = happened;
+        Ok(())
+    }
+
+    fn notice(&mut self, event: WorldEvent) -> Result<(), Fault> {
+        match event {
+            WorldEvent::Scheduled(at) => self.queue.push(at, Event::Environment),
+            WorldEvent::Telemetry { vehicle, telemetry } => {
+                self.record.track(vehicle, self.environment.world().truth(vehicle, self.now).at);
+                self.tell(vehicle, node::Event::Telemetry(telemetry))?;
+            }
+            WorldEvent::Echo { vehicle, echo } => self.tell(vehicle, node::Event::Echo(echo))?,
+            WorldEvent::Heard { frame, receivers } => self.hear(&frame, &receivers)?,
+            WorldEvent::Unsent { vehicle, sequence } => self.tell(vehicle, node::Event::Unsent(sequence))?,
+            WorldEvent::Contact(collision) => {
                 self.log_collision(&collision);
                 self.record.failure.get_or_insert(collision.in_words());
-                self.end();
-                Ok(())
+                if self.ends_at_contact {
+                    self.end();
+                }
             }
+            WorldEvent::Charged { vehicle, charge } => {
+                let who = format!("vehicle {}", self.vehicles[vehicle].id());
+                self.log(&who, format_args!("has a charge of {charge}"));
+            }
+            WorldEvent::Track(states) => self.track(&states),
         }
+        Ok(())
     }
 
     fn hear(&mut self, frame: &[u8], receivers: &[(usize, i16)]) -> Result<(), Fault> {
         let Ok(Decoded::Message(Message::Beacon(beacon))) = codec::decode(frame) else { return Ok(()) };
         for (to, rssi_dbm) in receivers {
-            if self.faults.cut_radio(self.now, self.vehicles[*to].id()) {
-                continue;
-            }
-            self.record.counts.beacons_heard += 1;
             let heard = Heard { beacon: beacon.clone(), rssi_dbm: *rssi_dbm };
             self.tell(*to, node::Event::Heard(heard))?;
         }

@@ -33,6 +33,8 @@ pub struct Counts {
     pub beacons_heard: u64,
     /// Beacons lost because two spoke at once.
     pub collided_beacons: u64,
+    /// Commands of vehicles that their devices dropped: busy or wrecked ones, or impossible commands.
+    pub dropped_commands: u64,
     /// Messages delivered by the bus.
     pub messages: u64,
 }

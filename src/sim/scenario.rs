@@ -8,11 +8,11 @@ use super::autopilot::Kind;
 use super::body::Limits;
 use super::bus::{Bus, BusModel};
 use super::entry::Entry;
+use super::environment::{Environment, TRACK_EVERY};
 use super::faults::Faults;
 use super::kernel::{Kernel, Parts, Recording};
 use super::noise::{Noise, Purpose};
 use super::outcome::{Outcome, Recorder};
-use super::outside::{Outside, TRACK_EVERY, first_telemetry};
 use super::radio_field::{RadioConstants, RadioField};
 use super::range::{Lobe, RangeModel, RangeSensor};
 use super::script::{EMPTY_RUN, RUN, Script};
@@ -20,7 +20,7 @@ use super::shown::Shown;
 use super::staging;
 use super::world::{Build, Flying, GROUND_CLEARANCE_M, Stage, World};
 use crate::actor::Fault;
-use crate::config::{self, Craft, Expect, Sim};
+use crate::config::{self, Craft, Expect, PlannedFault, PlannedPartition, Sim};
 use crate::geom::Point;
 use crate::ground::imager::Subject;
 use crate::ground::planner::Method;
@@ -86,6 +86,9 @@ pub struct Scenario {
     ring: Ring,
     /// Events of one moment come in an order drawn by the seed, to find what depends on it.
     pub shuffle_ties: bool,
+    /// The first contact of a body ends the run; otherwise those that have touched stay where they are, and the others go
+    /// on. Either way the run has failed.
+    pub ends_at_contact: bool,
     /// How often a run shows itself to who watches it, virtual time; once a second by itself.
     pub shown_every: Duration,
 }
@@ -99,7 +102,16 @@ impl Scenario {
         let noise = Noise::new(seed);
         let ring = Ring::new(sim.venue.area, sim.sweep.positions)?;
         let (persons, shown_every) = (Vec::new(), TRACK_EVERY);
-        let mut scenario = Scenario { sim, shapes, noise, persons, ring, shuffle_ties: false, shown_every };
+        let mut scenario = Scenario {
+            sim,
+            shapes,
+            noise,
+            persons,
+            ring,
+            shuffle_ties: false,
+            ends_at_contact: true,
+            shown_every,
+        };
         let structure = scenario.scene(&[])?;
         scenario.persons = scenario.place_persons(&structure)?;
         scenario.check_starts(&structure)?;
@@ -121,7 +133,7 @@ impl Scenario {
     /// # Errors
     /// The scene cannot be built.
     pub fn outlines(&self) -> Result<Vec<Outline>, ScenarioError> {
-        Ok(self.scene(&[])?.outlines(self.sim.vehicles.antenna_height_m))
+        Ok(self.scene(&[])?.outlines(self.sim.vehicles.body.antenna_height_m))
     }
 
     /// Gives what stands in the scene, without the persons.
@@ -137,7 +149,7 @@ impl Scenario {
     /// # Errors
     /// The scene cannot be built.
     pub fn script(&self) -> Result<Script, ScenarioError> {
-        let (_, second) = self.outside()?;
+        let (_, second) = self.world()?;
         Ok(self.script_with(second))
     }
 
@@ -165,7 +177,7 @@ impl Scenario {
 
     fn stage(&self, persons: &[Person]) -> Result<Stage, SceneError> {
         let scene = self.scene(persons)?;
-        let height_m = self.sim.vehicles.antenna_height_m;
+        let height_m = self.sim.vehicles.body.antenna_height_m;
         let radio = &self.sim.radio;
         let attenuation = Attenuation::new(&scene, height_m, radio.wavelength_m(), radio.object_limit_db);
         Ok(Stage { scene, attenuation })
@@ -203,10 +215,10 @@ impl Scenario {
                 Craft::Rover => 0.0,
                 Craft::Copter => vehicles.flight.altitude_m,
             };
-            let (low_m, high_m) = (low_m + GROUND_CLEARANCE_M, low_m + vehicles.height_m);
+            let (low_m, high_m) = (low_m + GROUND_CLEARANCE_M, low_m + vehicles.body.height_m);
             let clearance_m = structure.clearance_m(home, low_m, high_m);
-            if clearance_m <= vehicles.radius_m {
-                let radius_m = vehicles.radius_m;
+            if clearance_m <= vehicles.body.radius_m {
+                let radius_m = vehicles.body.radius_m;
                 return Err(ScenarioError::StartsInside { vehicle, clearance_m, radius_m });
             }
         }
@@ -239,39 +251,37 @@ impl Scenario {
         Ok(self.outcome(kernel)?)
     }
 
-    fn parts(&self) -> Result<Parts, ScenarioError> {
+    pub(super) fn parts(&self) -> Result<Parts, ScenarioError> {
         let (sim, noise) = (&self.sim, self.noise);
-        let (world, second) = self.world()?;
+        let (environment, second) = self.environment()?;
         let start = |vehicle| Some((vehicle, sim.home(vehicle)?));
         let told = |(vehicle, home)| NodeSettings::from_config(sim, vehicle, Boot(1), home);
         let settings: Vec<NodeSettings> = sim.vehicle_ids().filter_map(start).map(told).collect();
         Ok(Parts {
             noise,
-            world,
+            environment,
             bus: Bus::new(noise, self.bus()),
             vehicles: settings.iter().map(VehicleNode::new).collect(),
             settings,
-            faults: Faults::new(sim.faults.clone()),
+            faults: faults(sim),
             ground: self.ground()?,
             script: self.script_with(second),
-            until: Time::ZERO + sim.until,
+            until: Time::ZERO + sim.until(),
             shuffle_ties: self.shuffle_ties,
+            ends_at_contact: self.ends_at_contact,
             shown_every: self.shown_every,
         })
     }
 
-    /// Makes the world as a run begins, with all vehicles at home, and what stands there once the persons have
+    /// Makes the environment as a run begins, with all vehicles at home, and what stands there once the persons have
     /// entered (`None` when they are in it from the beginning).
     ///
     /// # Errors
     /// The scene cannot be built, or a vehicle cannot be put into it.
-    pub fn outside(&self) -> Result<(Outside, Option<Stage>), ScenarioError> {
-        self.world().map(|(world, second)| (Outside::new(world), second))
-    }
-
-    /// Gives when the telemetry of a vehicle comes for the first time.
-    pub fn first_telemetry(&self, vehicle: VehicleId) -> Time {
-        first_telemetry(self.noise, vehicle)
+    pub fn environment(&self) -> Result<(Environment, Option<Stage>), ScenarioError> {
+        let (world, second) = self.world()?;
+        let (faults, ties) = (faults(&self.sim), self.shuffle_ties.then_some(self.noise));
+        Ok((Environment::new(world, self.noise, faults, ties), second))
     }
 
     fn world(&self) -> Result<(World, Option<Stage>), ScenarioError> {
@@ -287,9 +297,9 @@ impl Scenario {
             RadioField::new(noise, radio_constants(&sim.radio)),
             RangeSensor::new(self.range()),
         )
-        .with_mounts(sim.range.mounts.clone())
+        .with_mounts(sim.range.look.mounts())
         .with_flying(self.flying())
-        .with_outages(Faults::new(sim.faults.clone()).outages(), sim.vehicles.gps_growth_mps);
+        .with_outages(faults(sim).outages(), sim.vehicles.gps_growth_mps);
         for vehicle in sim.vehicle_ids() {
             let Some(home) = sim.home(vehicle) else { continue };
             let heading = home.angle_to(sim.venue.area.centre());
@@ -305,35 +315,35 @@ impl Scenario {
             Craft::Copter => Kind::Copter,
         };
         let (altitude_m, climb_mps) = (flight.altitude_m, flight.climb_mps);
-        Flying { kind, altitude_m, climb_mps, wind: flight.wind(self.sim.venue.x_axis_bearing) }
+        Flying { kind, altitude_m, climb_mps, wind: flight.wind(self.sim.venue.x_axis_bearing()) }
     }
 
     fn build(&self) -> Build {
         let vehicles = &self.sim.vehicles;
         Build {
-            radius_m: vehicles.radius_m,
-            height_m: vehicles.height_m,
+            radius_m: vehicles.body.radius_m,
+            height_m: vehicles.body.height_m,
             sensor_m: self.sim.range.height_m,
             limits: Limits {
-                speed_mps: vehicles.max_speed_mps,
-                acceleration_mps2: vehicles.acceleration_mps2,
-                braking_mps2: vehicles.braking_mps2,
-                turn_rate_radps: vehicles.turn_rate_rad_per_s,
+                speed_mps: vehicles.body.max_speed_mps,
+                acceleration_mps2: vehicles.body.acceleration_mps2,
+                braking_mps2: vehicles.body.braking_mps2,
+                turn_rate_radps: vehicles.body.turn_rate_rad_per_s(),
             },
             pose_sd_m: vehicles.pose_sd_m,
             pose_drift: Duration::from_secs_f64(vehicles.pose_correlation_s),
-            endurance_driving: vehicles.endurance_driving,
-            endurance_resting: vehicles.endurance_resting,
+            endurance_driving: vehicles.endurance_driving(),
+            endurance_resting: vehicles.endurance_resting(),
         }
     }
 
     fn range(&self) -> RangeModel {
         let range = &self.sim.range;
         RangeModel {
-            half_angle_rad: range.half_angle_rad,
-            min_m: range.min_range_m,
-            max_m: range.max_range_m,
-            incidence_max_rad: range.incidence_limit_rad,
+            half_angle_rad: range.look.half_angle_rad(),
+            min_m: range.look.min_range_m,
+            max_m: range.look.max_range_m,
+            incidence_max_rad: range.incidence_limit_rad(),
             sd_m: range.noise_sd_m,
             lobe: match range.lobe {
                 config::Lobe::Beam => Lobe::Beam,
@@ -347,13 +357,18 @@ impl Scenario {
 
     fn bus(&self) -> BusModel {
         let bus = &self.sim.bus;
-        let faults = Faults::new(self.sim.faults.clone());
+        let faults = faults(&self.sim);
         BusModel {
-            delay: bus.delay,
-            jitter: bus.jitter,
+            delay: bus.delay(),
+            jitter: bus.jitter(),
             drop_share: bus.drop_share,
             duplicate_share: bus.duplicate_share,
-            partitions: bus.partitions.iter().cloned().chain(faults.partitions()).collect(),
+            partitions: bus
+                .partitions
+                .iter()
+                .map(PlannedPartition::partition)
+                .chain(faults.partitions())
+                .collect(),
         }
     }
 
@@ -368,7 +383,7 @@ impl Scenario {
         from_config::image_settings(
             &self.sim.imaging,
             self.sim.venue.area,
-            self.sim.radio.sensitivity_dbm,
+            self.sim.radio.reception.sensitivity_dbm,
             subject,
         )
     }
@@ -397,7 +412,7 @@ impl Scenario {
     }
 
     fn outcome(&self, kernel: Kernel) -> Result<Outcome, ScenarioError> {
-        let (mut record, outside, ground, bus, simulated, separation_m) = kernel.into_parts();
+        let (mut record, environment, ground, bus, simulated, separation_m) = kernel.into_parts();
         let station = ground.station();
         let outlines = self.outlines()?;
         let unmet = self.unmet(&record);
@@ -409,8 +424,8 @@ impl Scenario {
             home: record.home,
             held: record.held,
             simulated,
-            collisions: outside.world().collisions().to_vec(),
-            fence_breaches: outside.world().fence_breaches(),
+            collisions: environment.world().collisions().to_vec(),
+            fence_breaches: environment.world().fence_breaches(),
             min_separation_m: separation_m.is_finite().then_some(separation_m),
             samples: station.samples().count(RUN),
             links: station.samples().links(RUN),
@@ -446,6 +461,11 @@ impl From<SceneError> for RunError {
     }
 }
 
+/// Returns the faults of a simulation.
+fn faults(sim: &Sim) -> Faults {
+    Faults::new(sim.faults.iter().map(PlannedFault::fault).collect())
+}
+
 fn radio_constants(radio: &config::Radio) -> RadioConstants {
     RadioConstants {
         p0_dbm: radio.p0_dbm,
@@ -453,7 +473,7 @@ fn radio_constants(radio: &config::Radio) -> RadioConstants {
         wavelength_m: radio.wavelength_m(),
         rician_k: radio.rician_k,
         packet_sd_db: radio.packet_sd_db,
-        sensitivity_dbm: radio.sensitivity_dbm,
+        sensitivity_dbm: radio.reception.sensitivity_dbm,
         slope_db: radio.sensitivity_slope_db,
     }
 }
@@ -472,7 +492,7 @@ mod tests {
         );
         let sim = config::read_sim("configs/a.toml", &text, None, &mut |path| bundled::load(path)).unwrap();
         let field = RadioField::new(Noise::new(1), radio_constants(&sim.radio));
-        let (channel, power_dbm) = (sim.radio.channel, sim.radio.power_dbm);
+        let (channel, power_dbm) = (sim.venue.swarm.channel(), sim.radio.own.power_dbm);
         let packet =
             Transmission { from: Point::new(0.0, 0.0), to: Point::new(1.0, 0.0), channel, power_dbm };
         field.mean_dbm(&packet, 0.0)

@@ -8,7 +8,7 @@ use tomoswarm_proto::VehicleId;
 use super::kernel::Status;
 use crate::geom::{Angle, Point};
 use crate::map::Merged;
-use crate::node::mission::Standing;
+use crate::node::mission::MissionStatus;
 use crate::time::Time;
 
 /// A run at one moment.
@@ -32,7 +32,7 @@ pub struct ShownVehicle {
     /// Where it faces.
     pub heading: Angle,
     /// What it does; `None` while its software does not run.
-    pub standing: Option<Standing>,
+    pub status: Option<MissionStatus>,
 }
 
 /// When a run shows itself next.

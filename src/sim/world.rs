@@ -101,13 +101,20 @@ impl Collision {
 
 /// Something that will happen unless the motion changes before.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
-pub struct Touch {
+pub struct PredictedContact {
     /// When.
     pub at: Time,
     /// Index of the vehicle, and the number of its command.
     pub one: (usize, u64),
     /// The same of the other vehicle; `None` = the scene.
     pub other: Option<(usize, u64)>,
+}
+
+impl PredictedContact {
+    /// Returns whether a vehicle, by its index, takes part.
+    pub fn concerns(&self, vehicle: usize) -> bool {
+        self.one.0 == vehicle || self.other.is_some_and(|(peer, _)| peer == vehicle)
+    }
 }
 
 struct Craft {
@@ -134,7 +141,7 @@ pub struct World {
     /// How fast the deviation of a place grows without satellites, m/s.
     growth_mps: f64,
     /// Contacts that follow from motion that nobody has commanded just now.
-    foreseen: Vec<Touch>,
+    foreseen: Vec<PredictedContact>,
     /// Up to when each pair's distance has been judged; index = one × vehicles + other.
     judged: Vec<Time>,
     min_separation_m: f64,
@@ -229,7 +236,7 @@ impl World {
     }
 
     /// Changes what stands in the world; gives the contacts that motion under way now leads to.
-    pub fn set_stage(&mut self, stage: Stage, now: Time) -> Vec<Touch> {
+    pub fn set_stage(&mut self, stage: Stage, now: Time) -> Vec<PredictedContact> {
         self.stage = stage;
         // The motion stays, but contacts foreseen with the old stage are void.
         self.crafts.iter_mut().for_each(|craft| craft.commands += 1);
@@ -299,7 +306,7 @@ impl World {
     }
 
     /// Gives the contacts that follow from what autopilots did by themselves, since the last call.
-    pub fn foreseen(&mut self) -> Vec<Touch> {
+    pub fn foreseen(&mut self) -> Vec<PredictedContact> {
         std::mem::take(&mut self.foreseen)
     }
 
@@ -309,7 +316,7 @@ impl World {
     }
 
     /// Lets the autopilot obey; gives the contacts that the new motion leads to.
-    pub fn fly(&mut self, vehicle: usize, now: Time, fly: &Fly) -> Vec<Touch> {
+    pub fn fly(&mut self, vehicle: usize, now: Time, fly: &Fly) -> Vec<PredictedContact> {
         self.judge(vehicle, now);
         self.advance(vehicle, now);
         let craft = &mut self.crafts[vehicle];
@@ -338,14 +345,15 @@ impl World {
     }
 
     /// Gives the contacts that the present motion of a vehicle leads to.
-    pub fn touches(&self, vehicle: usize, now: Time) -> Vec<Touch> {
+    pub fn touches(&self, vehicle: usize, now: Time) -> Vec<PredictedContact> {
         let craft = &self.crafts[vehicle];
         let one = (vehicle, craft.commands);
-        let scene = self.scene_contact(&craft.autopilot, now).map(|at| Touch { at, one, other: None });
+        let scene =
+            self.scene_contact(&craft.autopilot, now).map(|at| PredictedContact { at, one, other: None });
         let others = self.crafts.iter().enumerate().filter(|(index, _)| *index != vehicle);
         let pairs = others.filter_map(|(index, peer)| {
             let at = self.pair_contact(&craft.autopilot, &peer.autopilot, now)?;
-            Some(Touch { at, one, other: Some((index, peer.commands)) })
+            Some(PredictedContact { at, one, other: Some((index, peer.commands)) })
         });
         scene.into_iter().chain(pairs).collect()
     }
@@ -376,7 +384,7 @@ impl World {
     }
 
     /// Lets a foreseen contact happen, unless a newer command has prevented it.
-    pub fn touch(&mut self, touch: &Touch) -> Option<Collision> {
+    pub fn touch(&mut self, touch: &PredictedContact) -> Option<Collision> {
         let current = |(vehicle, command): (usize, u64)| self.crafts[vehicle].commands == command;
         if !current(touch.one) || !touch.other.is_none_or(current) {
             return None;
@@ -478,4 +486,4 @@ fn asked(autopilot: &Autopilot, now: Time, fly: &Fly, altitude_m: f64) -> Ask {
 }
 
 #[cfg(test)]
-mod tests;
+pub(super) mod tests;

@@ -44,12 +44,9 @@ use std::time::Duration;
 use serde::{Deserialize, Serialize};
 use tomoswarm_proto::{Boot, Plan, Revision, RunId, Stop, StopId, VehicleId};
 
-use super::{FollowError, Refusal, VehicleProgress, Verdict, WaitsFor, validate};
+use super::{FollowError, LOWER_BOOT_AFTER, Refusal, VehicleProgress, Verdict, WaitsFor, validate};
 use crate::geom::Point;
 use crate::time::{Deadline, Time};
-
-/// After so long a silence of a peer a lower count of starts is believed.
-const BOOT_COUNTS: Duration = Duration::from_secs(30);
 
 /// A revision of a run; a higher run is newer than any revision of a lower one.
 type Edition = (RunId, Revision);
@@ -172,7 +169,7 @@ impl Follower {
         let newest = (progress.run, progress.revision);
         let heard = Peer { boot: progress.boot, newest, at_rest: progress.leg.is_none(), heard_at: now };
         let peer = self.peers.entry(progress.vehicle).or_insert(heard);
-        let begins_anew = heard.boot != peer.boot && now.since(peer.heard_at) > BOOT_COUNTS;
+        let begins_anew = heard.boot != peer.boot && now.since(peer.heard_at) > LOWER_BOOT_AFTER;
         if begins_anew || (heard.boot, heard.newest) >= (peer.boot, peer.newest) {
             *peer = heard;
         } else if heard.boot == peer.boot {

@@ -44,3 +44,8 @@ pub use snap::snap_to_boundary;
 pub use succession::{Phase, Succession};
 pub use vehicle_progress::VehicleProgress;
 pub use verdict::{FollowError, Refusal, Verdict, WaitsFor};
+
+/// After so long a silence of a vehicle a lower count of its starts is believed: its disk is a new one, and it counts from
+/// the beginning. Nothing that an earlier start has said is under way for so long, so nothing old is taken for new; and a
+/// rover with a new disk is not waited for any longer than this, by anyone who hears it.
+pub const LOWER_BOOT_AFTER: std::time::Duration = std::time::Duration::from_secs(30);

@@ -49,6 +49,25 @@ fn a_reader_who_leaves_changes_nothing() {
 }
 
 #[test]
+fn what_check_prints_is_checked_again_from_any_folder_with_the_same_values() {
+    let desk = desk();
+    std::fs::create_dir(desk.path("below")).unwrap();
+    let values = |said: &Said| -> Vec<String> {
+        assert_eq!(said.code, 0, "{said:?}");
+        said.out.lines().filter(|line| !line.starts_with('#')).map(str::to_owned).collect()
+    };
+    for file in ["small.sim.toml", "small.scene.toml", "small.venue.toml"] {
+        let once = values(&desk.run(&["check", file]));
+        assert!(once.len() > 5, "{once:?}");
+        assert_eq!(values(&in_shell(&desk, &["check", file], "| \"$0\" check -")), once, "{file}");
+        let mut from_below = Command::new("sh");
+        let piped = format!("\"$0\" check ../{file} | \"$0\" check -");
+        from_below.args(["-c", &piped, env!("CARGO_BIN_EXE_tomoswarm")]).current_dir(desk.path("below"));
+        assert_eq!(values(&said(from_below)).len(), once.len(), "{file}");
+    }
+}
+
+#[test]
 #[cfg(target_os = "linux")]
 fn an_answer_that_cannot_be_written_is_reported() {
     let desk = desk();

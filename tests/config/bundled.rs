@@ -18,7 +18,10 @@ fn the_bundled_courtyard_has_the_constants_of_the_phantoms() {
     assert_eq!(sim.sweep.laps, None);
     assert_eq!(sim.venue.area, Rect::new(Point::new(0.0, 0.0), Point::new(20.0, 20.0)));
     assert_eq!((sim.radio.rician_k, sim.radio.packet_sd_db), (8.0, 2.0));
-    assert_eq!((sim.radio.p0_dbm, sim.radio.exponent, sim.radio.sensitivity_dbm), (-40.0, 2.0, -100.0));
+    assert_eq!(
+        (sim.radio.p0_dbm, sim.radio.exponent, sim.radio.reception.sensitivity_dbm),
+        (-40.0, 2.0, -100.0)
+    );
     assert_eq!(sim.vehicles.pose_sd_m, 0.05);
     let persons = sim.scene.random_persons.unwrap();
     assert_eq!((persons.count, persons.radius_m, persons.db_per_m), (2, 0.3, 10.0));

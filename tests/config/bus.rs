@@ -61,7 +61,7 @@ fn what_is_left_out_stays_on_this_machine() {
     let bus = good("ground", "");
     assert_eq!(shown(&bus.listen), ["tcp/127.0.0.1:7447"]);
     assert_eq!((bus.topology, bus.connect.len(), bus.identity.is_some()), (Topology::Mesh, 0, false));
-    assert_eq!((bus.egress_kb_per_s, bus.lease), (64.0, Duration::from_secs(3)));
+    assert_eq!((bus.egress_kb_per_s, bus.lease()), (64.0, Duration::from_secs(3)));
     assert!(!bus.unprotected_network && bus.gossip);
     assert!(!good("vehicle", "gossip = false").gossip);
     assert_eq!(shown(&good("vehicle", "").listen), ["tcp/127.0.0.1:0"]);

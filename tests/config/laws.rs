@@ -82,7 +82,7 @@ until_s = 20.5
 sides = [[\"ground\", 1], [2]]
 ";
     let sim = config::read_sim("configs/a.toml", text, None, &mut |path| bundled::load(path)).unwrap();
-    let partition = &sim.bus.partitions[0];
+    let partition = sim.bus.partitions[0].partition();
     let cuts = |second: f64, a: Sender, b: Sender| partition.cuts(Time::from_secs_f64(second), a, b);
     let vehicle = |id| Sender::Vehicle(VehicleId(id));
     assert!(cuts(10.0, Sender::Ground, vehicle(2)) && cuts(20.4, vehicle(2), vehicle(1)));

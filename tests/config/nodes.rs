@@ -31,6 +31,11 @@ fn loaded(path: &str) -> Result<String, String> {
     bundled::load(path)
 }
 
+/// Gives a loader of the bundled venue with further lines.
+fn in_venue(lines: &str) -> impl FnMut(&str) -> Result<String, String> {
+    move |path| bundled::load(path).map(|text| format!("{text}{lines}"))
+}
+
 fn vehicle(text: &str) -> VehicleFile {
     config::read_vehicle("configs/v.toml", text, &mut loaded).unwrap_or_else(|error| panic!("{error}"))
 }
@@ -76,17 +81,12 @@ fn a_vehicles_file_gives_every_value_a_default() {
     assert_eq!((file.home.x_m, file.home.y_m), (20.85, -0.85));
     assert_eq!(file.world.connect.to_string(), "127.0.0.1:7500");
     assert_eq!(file.record.limit_bytes(), Some(256_000_000));
-    assert_eq!(file.pose_sd_m, 0.05);
-    let safety = Safety {
-        padding_m: 0.1,
-        separation_m: 1.0,
-        pose_sd_max_m: 0.5,
-        autonomy: Duration::from_secs(60),
-        battery_return: 0.2,
-        battery_hold: 0.05,
-        closeness_m: 0.0,
-    };
+    assert_eq!(file.pose.expected_sd_m, 0.05);
+    let safety = Safety { padding_m: 0.1, battery_return: 0.2, battery_hold: 0.05, closeness_m: 0.0 };
     assert_eq!(file.safety, safety);
+    let swarm = file.venue.swarm;
+    assert_eq!((swarm.separation_m, swarm.pose_sd_max_m), (1.0, 0.5));
+    assert_eq!(swarm.autonomy(), Duration::from_secs(60));
     assert_eq!(vehicle(&format!("{VEHICLE}record.limit_mb = 0\n")).record.limit_bytes(), None);
 }
 
@@ -116,14 +116,17 @@ range.settle_s = 0.1
 range.farness_m = 4.5
 range.sensor = [{ mount_deg = 90, servo_from_deg = -100, servo_to_deg = 10, slew_s_per_60_deg = 0.12 }]
 safety.closeness_m = 0.4
-radio.channel = 20
 radio.power_dbm = -5
-radio.slot_ms = 80
 safety.padding_m = 0.2
-safety.separation_m = 1.5
-safety.pose_sd_max_m = 0.4
 ";
-    let told = Settings::from_vehicle_file(&vehicle(&format!("{VEHICLE}{lines}")), Boot(1));
+    let swarm = "[swarm]
+channel = 20
+slot_ms = 80
+separation_m = 1.5
+pose_sd_max_m = 0.4
+";
+    let file = config::read_vehicle("configs/v.toml", &format!("{VEHICLE}{lines}"), &mut in_venue(swarm));
+    let told = Settings::from_vehicle_file(&file.unwrap(), Boot(1));
     assert_eq!((told.body.radius_m, told.body.speed_mps, told.body.braking_mps2), (0.3, 0.4, 2.0));
     assert_eq!(told.look.beams.len(), 2);
     assert!((told.look.half_angle.degrees() - 10.0).abs() < 1e-9);
@@ -144,7 +147,7 @@ safety.pose_sd_max_m = 0.4
     assert_eq!((told.radio.channel, told.radio.power_dbm), (20, -5));
     assert_eq!(told.radio.slot, Duration::from_millis(80));
     let safety = told.safety;
-    assert_eq!((safety.padding_m, safety.separation_m, safety.pose_sd_max_m), (0.2, 1.5, 0.4));
+    assert_eq!((safety.padding_m, told.swarm.separation_m, told.swarm.pose_sd_max_m), (0.2, 1.5, 0.4));
 }
 
 #[test]
@@ -152,19 +155,21 @@ fn a_grounds_file_gives_every_value_a_default() {
     let file = ground(GROUND);
     assert_eq!(file.vehicles, [VehicleId(1), VehicleId(2), VehicleId(3)]);
     assert_eq!((file.compare_with, file.take_over, file.operators_note.as_str()), (None, false, ""));
-    assert_eq!((file.lost_after, file.separation_m), (Duration::from_secs(30), 1.0));
-    assert_eq!(file.sensitivity_dbm, -100.0);
+    let swarm = file.venue.swarm;
+    assert_eq!((swarm.lost_after(), swarm.separation_m), (Duration::from_secs(30), 1.0));
+    assert_eq!(file.reception.sensitivity_dbm, -100.0);
     let further = "compare_with = 4
 take_over = true
-lost_after_s = 12.5
 operators_note = \"wet walls\"
-safety.separation_m = 1.2
 radio.sensitivity_dbm = -92
 ";
-    let file = ground(&format!("{GROUND}{further}"));
+    let swarm = "[swarm]\nlost_after_s = 12.5\nseparation_m = 1.2\n";
+    let file =
+        config::read_ground("configs/g.toml", &format!("{GROUND}{further}"), &mut in_venue(swarm)).unwrap();
     assert_eq!((file.compare_with, file.take_over), (Some(RunId(4)), true));
-    assert_eq!((file.lost_after, file.separation_m), (Duration::from_millis(12_500), 1.2));
-    assert_eq!((file.sensitivity_dbm, file.operators_note.as_str()), (-92.0, "wet walls"));
+    let swarm = file.venue.swarm;
+    assert_eq!((swarm.lost_after(), swarm.separation_m), (Duration::from_millis(12_500), 1.2));
+    assert_eq!((file.reception.sensitivity_dbm, file.operators_note.as_str()), (-92.0, "wet walls"));
 }
 
 #[test]
@@ -216,7 +221,7 @@ fn every_wrong_value_of_a_vehicle_is_refused() {
     ] {
         check_vehicle(&format!("vehicle.{key} = -1"), &[&format!("vehicle.{key} = -1: is out of range")]);
     }
-    for key in ["padding_m", "separation_m", "pose_sd_max_m", "autonomy_s", "battery_return"] {
+    for key in ["padding_m", "battery_return", "battery_hold", "closeness_m"] {
         check_vehicle(&format!("safety.{key} = -1"), &[&format!("safety.{key} = -1: is out of range")]);
     }
     for key in ["half_angle_deg", "min_range_m", "max_range_m", "sure_range_m", "scan_period_s", "settle_s"] {
@@ -225,14 +230,12 @@ fn every_wrong_value_of_a_vehicle_is_refused() {
     check_vehicle("range.beams_deg = []", &["range.beams_deg = []: is no such list"]);
     check_vehicle("range.noise_sd_m = 0", &["range.noise_sd_m: is not known"]);
     for (line, part) in [
-        ("radio.channel = 10", "radio.channel = 10: is out of range"),
         ("radio.power_dbm = 0.5", "radio.power_dbm = 0.5: is no whole number"),
-        ("radio.slot_ms = 0", "radio.slot_ms = 0: is out of range"),
         ("radio.p0_dbm = -40", "radio.p0_dbm: is not known"),
         ("pose.source = \"gps\"", "pose.source = \"gps\": is not known; source = \"autopilot\""),
         ("pose.source = \"external\"", "is not built yet; source = \"autopilot\" is allowed today"),
         ("pose.expected_sd_m = -1", "pose.expected_sd_m = -1: is out of range"),
-        ("pose.expected_sd_m = 0.6", "is above safety.pose_sd_max_m"),
+        ("pose.expected_sd_m = 0.6", "is above the pose_sd_max_m of the venue"),
         ("record.limit_mb = -1", "record.limit_mb = -1: is no such number"),
         ("record.limit_gb = 1", "record.limit_gb: is not known"),
         ("world.port = 1", "world.port: is not known"),
@@ -248,12 +251,13 @@ fn a_speed_beyond_what_is_seen_is_refused() {
     check_vehicle("pose.expected_sd_m = 0.45\nrange.sure_range_m = 1.2", &["range.sure_range_m = 1.2: "]);
     check_vehicle(
         "vehicle.radius_m = 0.6",
-        &["safety.separation_m = 1 (the default): lets two vehicles touch"],
+        &["vehicle.radius_m = 0.6: lets two vehicles touch: the separation_m of the venue is 1 m"],
     );
-    check_vehicle(
-        "vehicle.radius_m = 2\nsafety.separation_m = 5\nsafety.padding_m = 0.2",
-        &["home 3 is nearer than 2.20 m to the fence"],
-    );
+    let text = format!("{VEHICLE}vehicle.radius_m = 2\nsafety.padding_m = 0.2");
+    let problems =
+        config::read_vehicle("configs/x.toml", &text, &mut in_venue("[swarm]\nseparation_m = 5\n"))
+            .unwrap_err();
+    assert!(problems.to_string().contains("home 3 is nearer than 2.20 m to the fence"), "{problems}");
 }
 
 #[test]
@@ -304,14 +308,15 @@ fn every_wrong_value_of_a_ground_station_is_refused() {
         ("sweep.positions = 4", "sweep.positions = 4: is out of range"),
         ("sweep.positions = 500", "puts 4 steps into 0.64 m"),
         ("imaging.pixels = [1, 1]", "imaging.pixels = [1, 1]: is no such pair"),
-        ("safety.separation_m = 0", "safety.separation_m = 0: is out of range"),
         ("safety.padding_m = 0.1", "safety.padding_m: is not known"),
         ("radio.sensitivity_dbm = 0", "radio.sensitivity_dbm = 0: is out of range"),
         ("radio.channel = 15", "radio.channel: is not known"),
         ("compare_with = 0", "compare_with = 0: is out of range"),
         ("compare_with = 4294967295", "is out of range"),
-        ("lost_after_s = 0", "lost_after_s = 0: is out of range"),
-        ("lost_after_s = 3", "is not longer than bus.lease_s"),
+        (
+            "bus.lease_s = 30",
+            "bus.lease_s = 30: is a silence that any link may have, but a vehicle is lost after 30 s",
+        ),
         ("take_over = 1", "take_over = 1: is no yes or no"),
         ("operators_note = 7", "operators_note = 7: is no text"),
         ("record.limit_mb = 2000000", "record.limit_mb = 2000000: is out of range"),
@@ -355,4 +360,37 @@ fn the_examples_are_read_as_what_they_say() {
         };
         assert_eq!(found, kind);
     }
+}
+
+#[test]
+fn what_the_swarm_agrees_on_is_refused_in_a_nodes_file_with_its_new_place() {
+    for (key, value) in [
+        ("safety.separation_m", "1.0"),
+        ("safety.separation_up_m", "2.0"),
+        ("safety.autonomy_s", "60"),
+        ("safety.pose_sd_max_m", "0.5"),
+        ("radio.slot_ms", "50"),
+        ("radio.channel", "15"),
+    ] {
+        let name = key.split('.').next_back().unwrap();
+        let said = format!("{key} = {value}: {name} belongs into the venue file, table [swarm]");
+        check_vehicle(&format!("{key} = {value}"), &[&said]);
+        if key.starts_with("safety") {
+            check_ground(&format!("{key} = {value}"), &[&said]);
+        }
+    }
+    check_ground(
+        "lost_after_s = 30",
+        &["lost_after_s = 30: lost_after_s belongs into the venue file, table [swarm]"],
+    );
+}
+
+#[test]
+fn the_ground_reckons_with_the_autonomy_of_the_venue() {
+    let day = config::read_ground("configs/g.toml", GROUND, &mut in_venue("[swarm]\nautonomy_s = 86400\n"))
+        .unwrap();
+    let parts = ground_parts(&day, Boot(1), 9, 77).unwrap();
+    assert_eq!(parts.station.autonomy, Duration::from_secs(86_400));
+    let parts = ground_parts(&ground(GROUND), Boot(1), 9, 77).unwrap();
+    assert_eq!(parts.station.autonomy, Duration::from_secs(60));
 }

@@ -9,7 +9,7 @@ use tomoswarm::ground::station::{self, Station, StationSettings};
 use tomoswarm::map::{Layer, Merged};
 use tomoswarm::node::map::{self, Map};
 use tomoswarm::node::sensor::Scan;
-use tomoswarm::node::{BodySettings, LookSettings, RadioSettings, SafetySettings, Settings};
+use tomoswarm::node::{BodySettings, LookSettings, RadioSettings, Settings};
 use tomoswarm::time::Time;
 use tomoswarm_proto::codec::{self, Decoded};
 use tomoswarm_proto::{Boot, LayerId, Lease, Message, VehicleId};
@@ -401,15 +401,8 @@ fn settings(vehicle: u8, boot: u32) -> Settings {
             mounts: tomoswarm::plan::Mounts::default(),
         },
         radio: RadioSettings { channel: 11, power_dbm: 0, slot: Duration::from_millis(50) },
-        safety: SafetySettings {
-            padding_m: 0.15,
-            separation_m: 1.0,
-            pose_sd_max_m: 0.5,
-            autonomy: Duration::from_secs(60),
-            battery_return: 0.2,
-            battery_hold: 0.05,
-            closeness_m: 0.0,
-        },
+        safety: tomoswarm::config::Safety { padding_m: 0.15, ..Default::default() },
+        swarm: tomoswarm::config::Swarm::default(),
         task: tomoswarm::node::Task::Plan,
         path_time: Duration::from_millis(20),
     }

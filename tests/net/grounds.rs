@@ -143,8 +143,8 @@ fn a_vehicle_whose_disk_is_full_goes_on_and_loses_nothing() {
     let mut file = std::fs::File::create(state_dir.join("rest")).unwrap();
     while std::io::Write::write_all(&mut file, &[1; 512]).is_ok() {}
     swarm.until("it is said", 20, |watch| {
-        let health = watch.roll.vehicle(tomoswarm_proto::VehicleId(2)).and_then(|seen| seen.health.clone());
-        health.is_some_and(|health| !health.said.troubles.is_empty())
+        let health = watch.view.vehicle(tomoswarm_proto::VehicleId(2)).and_then(|seen| seen.health.clone());
+        health.is_some_and(|health| !health.value.troubles.is_empty())
     });
     swarm.finish();
 }

@@ -7,9 +7,9 @@
 mod certificates;
 mod clocks;
 mod deaths;
-mod door;
 mod grounds;
 mod member;
+mod operator;
 mod partitions;
 mod raw;
 mod relay;

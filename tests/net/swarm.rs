@@ -13,9 +13,9 @@ use std::sync::{Arc, Condvar, Mutex};
 use std::time::{Duration, Instant};
 
 use rustix::process::{Pid, Signal, kill_process};
+use tomoswarm::operator::fleet_view::FleetView;
 use tomoswarm::run::bus::{Bus, Heard};
 use tomoswarm::run::clock::Clock;
-use tomoswarm::run::door::roll::Roll;
 use tomoswarm::run::link::WorldControl;
 use tomoswarm::run::mailbox::Troubles;
 use tomoswarm::run::membership;
@@ -86,14 +86,14 @@ pub struct Size {
 /// What the operator has heard.
 #[derive(Default)]
 pub struct Watch {
-    pub roll: Roll,
+    pub view: FleetView,
     pub digests: BTreeMap<Sender, (Instant, Digest)>,
     samples: BTreeMap<(VehicleId, Boot, RunId), BTreeMap<u64, Sample>>,
 }
 
 impl Watch {
     fn hear(&mut self, clock: Clock, heard: &Heard) {
-        self.roll.hear(clock.now(), heard);
+        self.view.hear(clock.now(), heard);
         let Heard::Message(sender, message) = heard else { return };
         match message {
             Message::Digest(digest) => {
@@ -109,7 +109,7 @@ impl Watch {
 
     /// Gives the newest report of the ground station with the greatest lease.
     pub fn report(&self) -> Report {
-        let all = self.roll.grounds().map(|report| &report.said);
+        let all = self.view.grounds().map(|report| &report.value);
         all.max_by_key(|report| report.lease).cloned().unwrap_or_default()
     }
 
@@ -356,7 +356,7 @@ impl Swarm {
         let ids: Vec<String> = (1..=self.size.vehicles).map(|id| id.to_string()).collect();
         let positions = self.positions();
         format!(
-            "kind = \"ground\"\nvenue = \"venue.toml\"\nvehicles = [{}]\nstate_dir = \"{state_dir}\"\nlost_after_s = 8\n[sweep]\npositions = {positions}\nlaps = {}\n{bus}",
+            "kind = \"ground\"\nvenue = \"venue.toml\"\nvehicles = [{}]\nstate_dir = \"{state_dir}\"\n[sweep]\npositions = {positions}\nlaps = {}\n{bus}",
             ids.join(", "),
             self.size.laps
         )
@@ -459,8 +459,8 @@ impl Swarm {
     /// Waits until everyone is there, and starts run 1.
     pub fn begin(&self) {
         self.until("all are there", 20, |watch| {
-            let all = (1..=self.size.vehicles).all(|id| watch.roll.state(VehicleId(id)).is_some());
-            all && watch.roll.grounds().next().is_some()
+            let all = (1..=self.size.vehicles).all(|id| watch.view.state(VehicleId(id)).is_some());
+            all && watch.view.grounds().next().is_some()
         });
         self.order(&["start", "--run", "1"]);
         self.until("the sweep runs", 60, |watch| watch.report().phase == StationPhase::Running);
@@ -604,6 +604,8 @@ homes_m = [[-1.5, -1.5], [7.5, -1.5], [7.5, 7.5], [-1.5, 7.5]]
 [datum]
 latitude_deg = 52.0
 longitude_deg = 4.0
+[swarm]
+lost_after_s = 8
 ";
 const SCENE: &str = "kind = \"scene\"
 name = \"small\"

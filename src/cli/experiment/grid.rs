@@ -54,7 +54,15 @@ impl Grid {
     /// # Errors
     /// Everything that is wrong with it; the simulations are checked by [`Grid::check`].
     pub(super) fn load(config: &Path) -> Result<Grid, CliError> {
-        let (name, text) = (read::shown(config), read::text(config)?);
+        Grid::read(config, read::text(config)?)
+    }
+
+    /// Does the same with its text.
+    ///
+    /// # Errors
+    /// As for [`Grid::load`].
+    pub(super) fn read(config: &Path, text: String) -> Result<Grid, CliError> {
+        let name = read::shown(config);
         let experiment = config::read_experiment(&name, &text)?;
         let texts = BTreeMap::from([(name, Ok(text))]);
         let load: Load = Box::new(read::around(config));

@@ -191,7 +191,7 @@ fn worst_of(missions: &[Mission]) -> String {
         Some(mission::End::Done) => 0,
         Some(mission::End::Stopped(_)) => 1,
         Some(mission::End::NoWay(_)) => 2,
-        Some(mission::End::GaveUp(_)) => 3,
+        Some(mission::End::GaveUp(_) | mission::End::NoRoom | mission::End::TooLarge) => 3,
         None => 4,
     };
     if missions.iter().all(|(_, end)| end.is_none()) {

@@ -31,13 +31,18 @@ impl Seen {
         let homes: Vec<_> = sim.vehicle_ids().filter_map(|vehicle| sim.home(vehicle)).collect();
         let lattice = Lattice::new(sim.venue.cell_m);
         let visible = Visible::find(&scene, lattice, (&sim.venue.fence, &homes), &room, &sight);
-        Ok(Seen { scene, sight, body: (sim.vehicles.radius_m, LOW_M, sim.vehicles.height_m), visible })
+        Ok(Seen {
+            scene,
+            sight,
+            body: (sim.vehicles.body.radius_m, LOW_M, sim.vehicles.body.height_m),
+            visible,
+        })
     }
 }
 
 fn room(sim: &Sim) -> Room {
-    let keep_m = sim.vehicles.radius_m + sim.safety.padding_m + 2.0 * sim.vehicles.pose_sd_m;
-    Room { keep_m, low_m: LOW_M, high_m: sim.vehicles.height_m }
+    let keep_m = sim.vehicles.body.radius_m + sim.safety.padding_m + 2.0 * sim.vehicles.pose_sd_m;
+    Room { keep_m, low_m: LOW_M, high_m: sim.vehicles.body.height_m }
 }
 
 fn sight(sim: &Sim) -> Sight {
@@ -47,11 +52,11 @@ fn sight(sim: &Sim) -> Sight {
         half_angle_rad: match range.lobe {
             Lobe::Beam => 0.0,
             // In the plane of the sensor a cone is a fan.
-            Lobe::Fan | Lobe::Cone => range.half_angle_rad,
+            Lobe::Fan | Lobe::Cone => range.look.half_angle_rad(),
         },
-        min_m: range.min_range_m,
-        max_m: range.max_range_m.min(range.farness_m),
-        incidence_max_rad: range.incidence_limit_rad,
+        min_m: range.look.min_range_m,
+        max_m: range.look.max_range_m.min(range.look.farness_m),
+        incidence_max_rad: range.incidence_limit_rad(),
     }
 }
 

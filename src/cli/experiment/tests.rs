@@ -132,3 +132,18 @@ fn one_run_alone_is_the_run_of_the_grid() {
     let beyond = run(folder.path(), "alone", |args| args.only = Some(8)).1.unwrap_err();
     assert!(beyond.exit_code() == 2 && beyond.to_string().contains("0 to 7"), "{beyond}");
 }
+
+#[test]
+fn an_axis_has_its_own_name_and_that_of_what_it_measures() {
+    for (word, axis) in [
+        ("mission", Axis::Mission),
+        ("safety_m", Axis::Safety),
+        ("safety", Axis::Safety),
+        ("distance", Axis::Safety),
+        ("cell", Axis::Cell),
+        ("cell_m", Axis::Cell),
+    ] {
+        assert_eq!(super::parse_axis(word), Ok(axis));
+    }
+    assert!(super::parse_axis("distances").is_err());
+}

@@ -41,14 +41,14 @@ fn map() -> Merged {
     map
 }
 
-fn vehicle(id: u8, x_m: f64, y_m: f64, facing_deg: f64, standing: Option<Standing>) -> ShownVehicle {
+fn vehicle(id: u8, x_m: f64, y_m: f64, facing_deg: f64, status: Option<MissionStatus>) -> ShownVehicle {
     let heading = Angle::from_degrees(facing_deg);
-    ShownVehicle { id: VehicleId(id), at: Point::new(x_m, y_m), heading, standing }
+    ShownVehicle { id: VehicleId(id), at: Point::new(x_m, y_m), heading, status }
 }
 
 fn vehicles() -> Vec<Drawn> {
     let track = (0..12).map(|step| Point::new(0.7, 0.7 + 0.2 * f64::from(step))).collect();
-    let first = vehicle(1, 1.1, 2.9, 0.0, Some(Standing::Following));
+    let first = vehicle(1, 1.1, 2.9, 0.0, Some(MissionStatus::Following));
     let twelfth = vehicle(12, 5.0, 1.5, 90.0, None);
     vec![Drawn { vehicle: first, track }, Drawn { vehicle: twelfth, track: VecDeque::new() }]
 }

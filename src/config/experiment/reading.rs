@@ -7,6 +7,7 @@ use toml::de::DeValue;
 
 use super::{Axis, CELLS, Change, Choice, Experiment, MOST_RUNS, SAFETY, SIZES, SceneChange};
 use crate::config::beside;
+use crate::config::keys::quoted;
 use crate::config::overlay::Layer;
 use crate::config::section::{Section, number_of, whole_of};
 use crate::config::source::Class;
@@ -34,6 +35,7 @@ impl Experiment {
         let experiment = Experiment {
             name: root.name("name", "experiment"),
             file: root.source.file().to_owned(),
+            text: seen_from_outside(root),
             with,
             axes,
         };
@@ -55,6 +57,17 @@ impl Experiment {
             root.refuse("kind", &wrong, &format!("at most {MOST_RUNS} runs are allowed"));
         }
     }
+}
+
+/// Returns the text of a file, with the folder of the file before the names of those that it names.
+fn seen_from_outside(root: &Section) -> String {
+    let mut text = root.source.text().to_owned();
+    let mut named = root.texts_of(&["sim", "scene", "venue", "file"]);
+    named.sort_by_key(|(span, _)| std::cmp::Reverse(span.start));
+    for (span, name) in named {
+        text.replace_range(span, &quoted(&beside(root.source.file(), &name)));
+    }
+    text
 }
 
 fn or_nothing(choices: Vec<Choice>) -> Vec<Choice> {

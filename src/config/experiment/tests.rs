@@ -60,8 +60,8 @@ fn the_last_axis_changes_fastest_and_every_value_reaches_its_key() {
     // From the middle of a vehicle of 0.25 m.
     assert_eq!(last.safety.padding_m, 0.25);
     assert_eq!((last.venue.cell_m, last.vehicles.count), (0.25, 3));
-    assert!((last.range.half_angle_rad - 5f64.to_radians()).abs() < 1e-12);
-    assert_eq!(last.bus.delay.as_millis(), 33);
+    assert!((last.range.look.half_angle_rad() - 5f64.to_radians()).abs() < 1e-12);
+    assert_eq!(last.bus.delay().as_millis(), 33);
     assert_eq!(sim(&grid, 0).safety.padding_m, 0.05);
 }
 
@@ -76,7 +76,7 @@ fn a_mission_takes_the_place_of_the_files_own() {
     assert_eq!(tasks[..2], [crate::config::Task::Explore, crate::config::Task::Explore]);
     let side_m = |cell: usize| tasks[cell].places()[0].distance_to(tasks[cell].places()[1]);
     assert!((side_m(2) - 4.0).abs() < 1e-9 && (side_m(3) - 6.0).abs() < 1e-9);
-    assert_eq!((sim(&grid, 0).vehicles.radius_m, sim(&grid, 1).vehicles.radius_m), (0.4, 0.3));
+    assert_eq!((sim(&grid, 0).vehicles.body.radius_m, sim(&grid, 1).vehicles.body.radius_m), (0.4, 0.3));
     assert_eq!(grid.names(Axis::Mission), ["explore", "box"]);
     assert_eq!(grid.names(Axis::Scene), ["other", "yard"]);
 }

@@ -12,7 +12,7 @@
 //! 2. What D may still enter under r is little: legs whose `after` are done, by the progress of r that the others have
 //!    reported. Once all report e nobody adds to that, by bus or by radio; D runs into a wait and stops by itself.
 //! 3. If D hears any plan of e or later it enters no leg any more, and is refused as no member.
-//! 4. If D hears no plan at all its bus is lost, and it holds after its autonomy (60 s), wherever it is. What moves after
+//! 4. If D hears no plan at all its bus is lost, and it holds after its autonomy (the venue's `autonomy_s`), wherever it is. What moves after
 //!    that does not follow a plan: it keeps clear of the others by itself, as on the way home.
 //! 5. If D is dead it stands where its autopilot has stopped it, at the latest at the end of the leg that it had entered.
 //!

@@ -14,8 +14,8 @@ use std::time::Duration;
 
 use tomoswarm_proto::{Plan, Sender, VehicleId};
 
-use super::returning::Line;
-use super::{Mission, Out, Remark, Standing, Wanted};
+use super::goal::{By, Goal};
+use super::{Mission, MissionStatus, Out, Remark};
 use crate::node::peers::SILENT_AFTER;
 use crate::time::Time;
 
@@ -85,24 +85,24 @@ impl Mission {
         if is_alone != self.links.is_alone {
             self.links.is_alone = is_alone;
             out.push(Out::Remark(if is_alone { Remark::Alone } else { Remark::NotAlone }));
-            if is_alone && self.is_under_way() {
+            if is_alone && self.goal.is_under_way() {
                 self.stop(now, out);
             }
         }
-        let is_bus_lost = bus_for > self.settings.safety.autonomy;
+        let is_bus_lost = bus_for > self.settings.swarm.autonomy();
         if is_bus_lost != self.links.is_bus_lost {
             self.links.is_bus_lost = is_bus_lost;
             out.push(Out::Remark(if is_bus_lost { Remark::BusLost } else { Remark::BusBack }));
         }
-        let is_held_by_it = self.wanted == Wanted::Held && self.own == Some(Cause::BusLost);
-        match (is_bus_lost, self.wanted) {
-            (true, Wanted::Following) if is_alone => self.decide(now, Wanted::Held, Cause::BusLost, out),
-            (true, Wanted::Following) => self.return_on_its_own(now, Cause::BusLost, out),
-            (true, Wanted::Held) if is_held_by_it && !is_alone => {
+        let is_held_by_it = self.goal == Goal::Held(By::Itself(Cause::BusLost));
+        match (is_bus_lost, self.goal) {
+            (true, Goal::Following) if is_alone => self.decide(now, Cause::BusLost, Goal::Held, out),
+            (true, Goal::Following) => self.return_on_its_own(now, Cause::BusLost, out),
+            (true, Goal::Held(_)) if is_held_by_it && !is_alone => {
                 self.return_on_its_own(now, Cause::BusLost, out);
             }
-            (_, Wanted::Waiting | Wanted::Held | Wanted::Returning { .. } | Wanted::Home)
-            | (false, Wanted::Following) => {}
+            (_, Goal::Waiting | Goal::Held(_) | Goal::Returning(_) | Goal::Home(_))
+            | (false, Goal::Following) => {}
         }
     }
 
@@ -112,62 +112,44 @@ impl Mission {
         let enough =
             if self.is_battery_low { safety.battery_return + CHARGED } else { safety.battery_return };
         self.is_battery_low = battery < enough;
-        match self.wanted {
-            Wanted::Following | Wanted::Returning { .. } if battery < safety.battery_hold => {
-                self.decide(now, Wanted::Held, Cause::BatteryEmpty, out);
+        match self.goal {
+            Goal::Following | Goal::Returning(_) if battery < safety.battery_hold => {
+                self.decide(now, Cause::BatteryEmpty, Goal::Held, out);
             }
-            Wanted::Following if self.is_battery_low => {
+            Goal::Following if self.is_battery_low => {
                 self.return_on_its_own(now, Cause::BatteryLow, out);
             }
-            Wanted::Waiting | Wanted::Held | Wanted::Following | Wanted::Returning { .. } | Wanted::Home => {}
+            Goal::Waiting | Goal::Held(_) | Goal::Following | Goal::Returning(_) | Goal::Home(_) => {}
         }
     }
 
     fn return_on_its_own(&mut self, now: Time, cause: Cause, out: &mut Vec<Out>) {
-        self.decide(now, Wanted::Returning { since: now, under_way: false }, cause, out);
+        self.decide(now, cause, |by| Goal::go_home(now, by), out);
     }
 
     /// Stops, and does from now on what nobody has ordered.
-    fn decide(&mut self, now: Time, wanted: Wanted, cause: Cause, out: &mut Vec<Out>) {
-        (self.wanted, self.own, self.line) = (wanted, Some(cause), Line::default());
+    fn decide(&mut self, now: Time, cause: Cause, goal: impl FnOnce(By) -> Goal, out: &mut Vec<Out>) {
+        self.goal = goal(By::Itself(cause));
         self.stop(now, out);
-        out.push(Out::Remark(Remark::Decides(cause, self.standing())));
+        out.push(Out::Remark(Remark::Decides(cause, self.status())));
     }
 
     /// A newer plan of its own takes a vehicle back that acts on its own since it had lost the bus: the ground knows of
     /// it, and has planned from where it is.
     pub(super) fn resume_for(&mut self, now: Time, plan: &Plan, out: &mut Vec<Out>) {
-        let followed = self.follower.as_ref().and_then(|follower| follower.plan());
-        let is_newer = followed.is_none_or(|known| (plan.run, plan.revision) > (known.run, known.revision));
-        let is_own = plan.vehicle == self.settings.vehicle && self.own == Some(Cause::BusLost);
-        if is_newer && is_own {
-            (self.wanted, self.own) = (Wanted::Following, None);
+        if self.plan.is_newer(plan) && self.goal.cause() == Some(Cause::BusLost) {
+            self.goal = Goal::Following;
             self.stop(now, out);
         }
     }
 
-    /// Tells whether it drives, or is about to.
-    fn is_under_way(&self) -> bool {
-        match self.wanted {
-            Wanted::Following | Wanted::Returning { .. } => true,
-            Wanted::Waiting | Wanted::Held | Wanted::Home => false,
-        }
-    }
-
-    /// Tells whether it stands and will not go on by itself, however long it takes.
+    /// Returns whether it stands and will not go on by itself, however long it takes.
     pub(super) fn holds(&self) -> bool {
-        self.wanted == Wanted::Held || (self.links.is_alone && self.is_under_way())
+        matches!(self.goal, Goal::Held(_)) || (self.links.is_alone && self.goal.is_under_way())
     }
 
-    /// Gives what the vehicle does, for status lines.
-    pub fn standing(&self) -> Standing {
-        match self.wanted {
-            _ if self.holds() => Standing::Held,
-            Wanted::Held => Standing::Held,
-            Wanted::Waiting => Standing::Waiting,
-            Wanted::Following => Standing::Following,
-            Wanted::Returning { .. } => Standing::Returning,
-            Wanted::Home => Standing::Home,
-        }
+    /// Returns what the vehicle does, for status lines.
+    pub fn status(&self) -> MissionStatus {
+        if self.holds() { MissionStatus::Held } else { self.goal.status() }
     }
 }

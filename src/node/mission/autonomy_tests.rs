@@ -2,7 +2,7 @@
 
 use crate::node::radio::Sighting;
 use tomoswarm_proto::Sender;
-use tomoswarm_proto::{Boot, Mode};
+use tomoswarm_proto::{Boot, Mode, Revision};
 
 use super::super::tests_support::{own_state, settings, state};
 use super::tests::{at, driven, holds, order, plan, planned, told};
@@ -38,7 +38,7 @@ fn under_way() -> Mission {
     told(&mut mission, 1.9, GROUND);
     told(&mut mission, 2.0, order(OrderKind::Start));
     pass(&mut mission, 2..10, 0.0, &[GROUND]);
-    assert_eq!(mission.standing(), Standing::Following);
+    assert_eq!(mission.status(), MissionStatus::Following);
     mission
 }
 
@@ -50,7 +50,7 @@ fn has(out: &[Out], remark: Remark) -> bool {
 fn with_the_ground_alone_on_the_bus_a_vehicle_carries_on() {
     let mut mission = under_way();
     pass(&mut mission, 10..200, 0.0, &[GROUND]);
-    assert_eq!(mission.standing(), Standing::Following);
+    assert_eq!(mission.status(), MissionStatus::Following);
 }
 
 #[test]
@@ -61,7 +61,7 @@ fn who_hears_nobody_stands_and_goes_on_as_soon_as_somebody_is_heard() {
         has(&out, Remark::Alone) && holds(&out) && out.contains(&Out::Holds(Some(StandReason::Alone))),
         "{out:?}"
     );
-    assert_eq!(mission.standing(), Standing::Held);
+    assert_eq!(mission.status(), MissionStatus::Held);
     let out = pass(&mut mission, 13..15, 0.0, &[GROUND]);
     assert!(driven(&out).is_some() && out.contains(&Out::Holds(None)), "{out:?}");
 }
@@ -71,15 +71,15 @@ fn who_hears_peers_by_radio_carries_on_for_a_minute_and_then_returns() {
     let mut mission = under_way();
     let out = pass(&mut mission, 10..69, 0.0, &[sighting(2, 20.0)]);
     assert!(!holds(&out));
-    assert_eq!(mission.standing(), Standing::Following);
+    assert_eq!(mission.status(), MissionStatus::Following);
     let out = pass(&mut mission, 69..80, 1.0, &[sighting(2, 20.0)]);
-    assert!(has(&out, Remark::Decides(Cause::BusLost, Standing::Returning)), "{out:?}");
+    assert!(has(&out, Remark::Decides(Cause::BusLost, MissionStatus::Returning)), "{out:?}");
     let drives = out.rsplit(|said| !matches!(said, Out::Command(_, Command::Drive { .. })));
     let last = drives.filter_map(driven).next().and_then(|route| route.last().copied());
     assert_eq!(last, Some(settings(1).home), "{out:?}");
     let out = pass(&mut mission, 80..85, 0.0, &[sighting(2, 20.0)]);
     assert!(has(&out, Remark::Home), "{out:?}");
-    assert_eq!(mission.standing(), Standing::Home);
+    assert_eq!(mission.status(), MissionStatus::Home);
 }
 
 #[test]
@@ -87,7 +87,7 @@ fn a_minute_without_bus_and_radio_is_stood_through_until_the_ground_decides() {
     let mut mission = under_way();
     pass(&mut mission, 10..100, 0.0, &[]);
     let out = pass(&mut mission, 100..110, 0.0, &[GROUND]);
-    assert_eq!((driven(&out), mission.standing()), (None, Standing::Held));
+    assert_eq!((driven(&out), mission.status()), (None, MissionStatus::Held));
     let out = told(&mut mission, 110.0, order(OrderKind::Start));
     assert!(driven(&out).is_some() || driven(&pass(&mut mission, 110..112, 0.0, &[GROUND])).is_some());
 }
@@ -97,7 +97,7 @@ fn who_came_home_on_its_own_adopts_a_newer_plan_and_drives_it() {
     let mut mission = under_way();
     pass(&mut mission, 10..80, 1.0, &[sighting(2, 20.0)]);
     pass(&mut mission, 80..85, 0.0, &[sighting(2, 20.0)]);
-    assert_eq!(mission.standing(), Standing::Home);
+    assert_eq!(mission.status(), MissionStatus::Home);
     let out = told(&mut mission, 85.0, order(OrderKind::Start));
     assert_eq!(driven(&out), None, "its old plan does not lead on from here");
     let out = pass(&mut mission, 85..90, 0.0, &[GROUND]);
@@ -116,8 +116,8 @@ fn a_newer_plan_alone_takes_a_returning_vehicle_back() {
     let out = told(&mut mission, 80.0, plan(3, &[]));
     assert!(holds(&out), "{out:?}");
     let out = pass(&mut mission, 80..82, 1.0, &[GROUND]);
-    assert_eq!((driven(&out), mission.standing()), (None, Standing::Following));
-    assert_eq!(mission.said.revision, Revision(3));
+    assert_eq!((driven(&out), mission.status()), (None, MissionStatus::Following));
+    assert_eq!(mission.plan.progress().revision, Revision(3));
 }
 
 #[test]
@@ -125,7 +125,7 @@ fn what_was_held_by_order_stays_held_without_bus() {
     let mut mission = under_way();
     told(&mut mission, 10.0, order(OrderKind::Hold));
     let out = pass(&mut mission, 10..100, 0.0, &[sighting(2, 20.0)]);
-    assert_eq!((driven(&out), mission.standing()), (None, Standing::Held));
+    assert_eq!((driven(&out), mission.status()), (None, MissionStatus::Held));
 }
 
 #[test]
@@ -134,13 +134,13 @@ fn a_low_battery_sends_home_and_an_empty_one_holds() {
     let battery =
         |battery: f64, x_m: f64| In::State(OwnState { battery, sequence: 500, ..own_state(x_m, 0.0) });
     let out = told(&mut mission, 10.0, battery(0.21, 1.0));
-    assert!(!has(&out, Remark::Decides(Cause::BatteryLow, Standing::Returning)));
+    assert!(!has(&out, Remark::Decides(Cause::BatteryLow, MissionStatus::Returning)));
     let out = told(&mut mission, 10.1, battery(0.19, 1.0));
-    assert!(has(&out, Remark::Decides(Cause::BatteryLow, Standing::Returning)), "{out:?}");
+    assert!(has(&out, Remark::Decides(Cause::BatteryLow, MissionStatus::Returning)), "{out:?}");
     told(&mut mission, 10.2, order(OrderKind::Start));
-    assert_eq!(mission.standing(), Standing::Returning, "a start does not charge it");
+    assert_eq!(mission.status(), MissionStatus::Returning, "a start does not charge it");
     let out = told(&mut mission, 10.3, battery(0.04, 1.0));
-    assert!(has(&out, Remark::Decides(Cause::BatteryEmpty, Standing::Held)), "{out:?}");
+    assert!(has(&out, Remark::Decides(Cause::BatteryEmpty, MissionStatus::Held)), "{out:?}");
     assert!(holds(&out));
 }
 
@@ -208,11 +208,11 @@ fn plans_of_a_lower_right_and_old_ones_are_not_taken() {
     }
     assert!(edition(&told(&mut mission, 21.0, with(5, 20, 3))), "answers a state of 19 s ago");
     assert!(edition(&told(&mut mission, 21.0, with(5, 900, 4))), "answers a state that was never made");
-    assert_eq!(mission.said.revision, Revision(2));
+    assert_eq!(mission.plan.progress().revision, Revision(2));
     told(&mut mission, 21.0, with(5, 200, 5));
-    assert_eq!(mission.said.revision, Revision(5));
+    assert_eq!(mission.plan.progress().revision, Revision(5));
     assert!(edition(&told(&mut mission, 21.0, with(4, 210, 6))), "of a lower right");
-    assert_eq!(mission.said.revision, Revision(5));
+    assert_eq!(mission.plan.progress().revision, Revision(5));
     let mut own = OwnState { sequence: 211, mode: Mode::Idle, ..own_state(0.0, 0.0) };
     own.ordered.lease = lease(9);
     told(&mut mission, 21.1, In::State(own));

@@ -1,157 +1,110 @@
 //! The mission actor: decides where the vehicle goes next, as its plan, its operator and its peers let it.
 //!
 //! It is told the own and the peers' states, tiles, plans, progress, orders and the vehicle's remarks. It says
-//! commands, progress, what it measures for, and remarks. Which leg may be entered is decided by
-//! [`crate::sweep::Follower`], how a leg is driven by `pilot`; the last word on safety has the vehicle actor.
+//! commands, progress, what it measures for, and remarks. How a way is driven is decided by `pilot`; the last word on
+//! safety has the vehicle actor.
 //!
-//! ```text
-//!            Start                     Hold / Emergency
-//!   Waiting ───────► Following ◄──────────────────────► Held
-//!                        │ Return        Start            │ Return
-//!                        ▼                                ▼
-//!                    Returning (lower ids first) ─► Home, at rest
-//! ```
-//!
-//! Without an order it holds or returns when it hears nobody, has lost the bus or runs out of battery: see `autonomy`.
-//! Once off its plan it moves again only under a newer revision, planned from where it is.
+//! What is wanted of the vehicle is one state, see `goal`; what it is out for is the ground's plan (`ground_plan`) or a
+//! mission of its own (`kind`), whose steps `runner` carries out. Without an order it holds or returns when it hears
+//! nobody, has lost the bus or runs out of battery: see `autonomy`.
 //!
 //! Deadlines: `repeat progress`, `the dwell at the stop ends`, `path ready`, `search again`.
 
 mod autonomy;
-mod errand;
-mod look;
+mod goal;
+mod ground_plan;
+mod home;
+mod kind;
+mod look_around;
+mod messages;
 mod pilot;
 mod report;
 mod returning;
-mod skipping;
+mod runner;
 mod way;
-mod words;
 
 use std::collections::BTreeSet;
 use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
-use tomoswarm_proto::{
-    Lease, Order, OrderKind, Plan, Revision, RunId, SeenState, StandReason, StopId, VehicleId,
-};
+use tomoswarm_proto::{Lease, Order, OrderKind, Plan, RunId, SeenState, StandReason, VehicleId};
 
 use self::autonomy::Links;
-use self::errand::{Errand, Scene};
+use self::goal::{By, Goal, Return, ReturnStage};
+use self::ground_plan::GroundPlan;
 use self::pilot::{Met, Pilot};
-use self::returning::Line;
+use self::runner::{Scene, StepRunner};
 use super::ages::Ages;
 use super::peers::{Peer, Peers};
 use super::vehicle::{self, Command};
 use super::{OwnState, Settings};
 use crate::actor::{Actor, Fault};
 use crate::geom::Point;
-use crate::sweep::{Follower, VehicleProgress, Verdict, WaitsFor};
+use crate::sweep::{VehicleProgress, WaitsFor};
 use crate::time::{Deadline, Time};
 
 pub use autonomy::Cause;
-pub use errand::End;
-pub use words::{In, Key, Out, Remark, Standing};
+pub use home::{HOME_M, farthest_m as home_farthest_m, is_at_home};
+pub use messages::{End, In, Key, MissionStatus, Out, Remark};
 
 /// Progress is repeated this often.
 const REPEAT_EVERY: Duration = Duration::from_secs(1);
-/// Legs are entered ahead until the way is this long, metres, so that stops are driven through.
-const ENTER_AHEAD_M: f64 = 3.0;
-/// Legs are entered ahead this far when nothing nearer can be reached, metres.
-const ENTER_FAR_M: f64 = 20.0;
 /// Searches in vain before a stop is given up.
 const FAILURES_MAX: u32 = 3;
-/// A plan may begin at most this far from where the vehicle stands, metres.
-const START_TOLERANCE_M: f64 = 0.5;
-
-/// What is wanted of this vehicle, by its operator or by itself.
-#[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize)]
-enum Wanted {
-    Waiting,
-    Following,
-    Held,
-    /// Since when it is ordered to return, and whether it is on its way.
-    Returning {
-        since: Time,
-        under_way: bool,
-    },
-    /// It came home.
-    Home,
-}
 
 /// The mission actor.
 #[derive(Debug, Serialize, Deserialize)]
 pub struct Mission {
     settings: Settings,
     state: Option<OwnState>,
-    follower: Option<Follower>,
+    plan: GroundPlan,
     pilot: Pilot,
     /// What it does when the ground station does not plan for it.
-    errand: Option<Errand>,
-    wanted: Wanted,
-    line: Line,
-    /// Why it wants that, unless it was ordered.
-    own: Option<Cause>,
+    runner: Option<StepRunner>,
+    goal: Goal,
     links: Links,
     is_battery_low: bool,
-    /// It has left its plan, and goes on only under a newer one.
-    is_off_plan: bool,
     peers: Peers,
     silent: BTreeSet<VehicleId>,
     ages: Ages,
     /// The highest right by which it was ordered or planned for.
     lease: Lease,
     said_holds: Option<StandReason>,
-    said: VehicleProgress,
     said_measure: Option<RunId>,
-    finished: bool,
-    /// The plan last not taken, since it is old or leads out of the fence.
-    not_taken: Option<(RunId, Revision)>,
-    /// Stops given up since one was reached.
-    skips: u32,
     repeat_at: Time,
 }
 
 impl Mission {
     /// Makes the actor of a vehicle that waits for plans and a start.
     pub fn new(settings: Settings) -> Mission {
-        let said =
-            VehicleProgress { vehicle: settings.vehicle, boot: settings.boot, ..VehicleProgress::default() };
         let repeat_at = Time::ZERO + REPEAT_EVERY + Duration::from_millis(53) * u32::from(settings.vehicle.0);
         Mission {
             pilot: Pilot::new(settings.clone()),
-            errand: Errand::of(&settings),
+            runner: StepRunner::of(&settings),
             peers: Peers::new(settings.vehicle),
+            plan: GroundPlan::new(&settings),
             settings,
             state: None,
-            follower: None,
-            wanted: Wanted::Waiting,
-            line: Line::default(),
-            own: None,
+            goal: Goal::Waiting,
             links: Links::default(),
             is_battery_low: false,
-            is_off_plan: false,
             silent: BTreeSet::new(),
             ages: Ages::default(),
             lease: Lease::default(),
             said_holds: None,
-            said,
             said_measure: None,
-            finished: false,
-            not_taken: None,
-            skips: 0,
             repeat_at,
         }
     }
 
     /// Says why no leg may be entered now, for status lines.
     pub fn waits_for(&self) -> Option<WaitsFor> {
-        self.follower.as_ref().and_then(Follower::waits_for)
+        self.plan.waits_for()
     }
 
     fn state(&mut self, now: Time, state: OwnState, out: &mut Vec<Out>) {
         let place = state.pose.at;
-        if self.follower.is_none() {
-            self.follower = Some(Follower::new(self.settings.vehicle, place, START_TOLERANCE_M));
+        if self.plan.begin_at(place) {
             self.pilot.begin_at(place);
         }
         self.ages.note(now, state.sequence);
@@ -163,30 +116,26 @@ impl Mission {
     /// Goes on with whatever is wanted; called with every state and when something else has changed.
     fn go_on(&mut self, now: Time, out: &mut Vec<Out>) {
         self.look_after_itself(now, out);
-        match self.wanted {
-            Wanted::Following | Wanted::Returning { .. } if self.links.is_alone => {}
-            Wanted::Following => self.follow(now, out),
-            Wanted::Returning { since, under_way } => self.bring_home(now, since, under_way, out),
-            Wanted::Held | Wanted::Waiting | Wanted::Home => self.stay(),
+        match self.goal {
+            Goal::Following | Goal::Returning(_) if self.links.is_alone => {}
+            Goal::Following => self.follow(now, out),
+            Goal::Returning(home) => self.bring_home(now, home, out),
+            Goal::Held(_) | Goal::Waiting | Goal::Home(_) => self.stay(),
         }
         self.report(out);
     }
 
     fn follow(&mut self, now: Time, out: &mut Vec<Out>) {
-        if self.errand.is_some() {
-            return self.run_errand(now, out);
+        if self.runner.is_some() {
+            return self.run_steps(now, out);
         }
-        if self.is_off_plan {
+        if self.plan.has_left() {
             return self.stay();
         }
-        if let Some(follower) = &mut self.follower {
-            follower.resume();
-        }
+        self.plan.resume();
         self.enter_legs();
         self.drive(now, out);
-        if let Some(follower) = &mut self.follower {
-            follower.wake(now);
-        }
+        self.plan.wake(now);
         // Who gets nowhere lets the ground plan anew from here; who is asked to change its plan does so where it rests.
         let commanded = out.iter().any(|said| matches!(said, Out::Command(..)));
         let is_asked = matches!(self.waits_for(), Some(WaitsFor::Revision { .. }));
@@ -195,33 +144,21 @@ impl Mission {
         }
     }
 
-    fn run_errand(&mut self, now: Time, out: &mut Vec<Out>) {
+    fn run_steps(&mut self, now: Time, out: &mut Vec<Out>) {
         let met = self.advance(now, out);
-        let (Some(state), Some(errand)) = (&self.state, &mut self.errand) else { return };
+        let (Some(state), Some(runner)) = (&self.state, &mut self.runner) else { return };
         let mut scene = Scene { now, state, pilot: &mut self.pilot, peers: &self.peers, out };
-        errand.go_on(&mut scene, &met);
+        runner.go_on(&mut scene, &met);
         // What was chosen just now is begun at once.
         self.advance(now, out);
     }
 
-    /// Enters legs ahead as far as the plans allow, so that stops without dwell are driven through.
+    /// Enters legs ahead as far as the plans allow.
     fn enter_legs(&mut self) {
-        let Some(follower) = &mut self.follower else { return };
-        let ahead_m = if self.pilot.failures() > 0 { ENTER_FAR_M } else { ENTER_AHEAD_M };
-        while self.pilot.way().length_m() < ahead_m {
-            let Some(stop) = follower.next_leg().cloned() else { return };
-            if follower.enter(stop.id).is_err() {
-                return;
-            }
+        let no_path = self.pilot.failures() > 0;
+        while let Some(stop) = self.plan.enter_next(self.pilot.way().length_m(), no_path) {
             let route = stop.route.iter().map(|corner| Point::from(*corner));
             self.pilot.append(route, stop.at.into(), Some(stop.id));
-        }
-    }
-
-    fn done(&mut self, now: Time, stop: StopId, place: Point) {
-        if let Some(follower) = &mut self.follower {
-            // Only a stop of a plan that was given up meanwhile is refused: then nobody waits for it.
-            let _ = follower.arrive(now, stop, place);
         }
     }
 
@@ -247,8 +184,7 @@ impl Mission {
         let remark = match met {
             Met::Stop(stop) => {
                 let place = self.state.as_ref().map(|state| state.pose.at).unwrap_or_default();
-                self.skips = 0;
-                self.done(now, stop, place);
+                self.plan.pass(now, stop, place);
                 Remark::Done(stop)
             }
             Met::Looks(at) => Remark::Looks(at),
@@ -265,36 +201,37 @@ impl Mission {
         out.push(Out::Remark(remark));
     }
 
-    /// Without a way to drive: a newer revision may be adopted from where the vehicle rests.
-    fn stay(&mut self) {
-        let (Some(follower), Some(state)) = (&mut self.follower, &self.state) else { return };
-        let at_rest = state.speed_mps == 0.0 && state.leg.is_none();
-        if at_rest {
-            // A newer revision may be adopted by that; `report` sees it.
-            follower.hold(state.pose.at);
+    /// Gives up the stop that comes next when the plan gets on only without it.
+    fn give_up_stop(&mut self, now: Time, out: &mut Vec<Out>) {
+        let (Some(state), Goal::Following) = (&self.state, self.goal) else { return };
+        let can_reach = |place: Point| self.pilot.can_reach(now, state, place);
+        if !self.plan.gives_up_stop(self.pilot.way().stops().count(), can_reach) {
+            return;
+        }
+        let place = state.pose.at;
+        for stop in self.pilot.skip(place) {
+            out.push(Out::Remark(Remark::Skipped(stop)));
+            self.plan.skip(now, stop, place);
         }
     }
 
-    fn plan(&mut self, now: Time, plan: &Plan, out: &mut Vec<Out>) {
-        let edition = (plan.run, plan.revision);
-        let outside = self.leads_outside(plan).map(Remark::Outside);
-        let old = self.is_old(now, plan).then_some(Remark::OldPlan(plan.run, plan.revision));
-        if let Some(remark) = old.or(outside) {
-            if self.not_taken.replace(edition) != Some(edition) {
-                out.push(Out::Remark(remark));
-            }
-            return;
+    /// Without a way to drive: a newer revision may be adopted from where the vehicle rests.
+    fn stay(&mut self) {
+        let Some(state) = &self.state else { return };
+        let at_rest = state.speed_mps == 0.0 && state.leg.is_none();
+        if at_rest {
+            self.plan.rest_at(state.pose.at);
+        }
+    }
+
+    fn take_plan(&mut self, now: Time, plan: &Plan, out: &mut Vec<Out>) {
+        let is_old = self.is_old(now, plan);
+        if let Err(remark) = self.plan.refuse(plan, is_old) {
+            return out.extend(remark.map(Out::Remark));
         }
         self.lease = self.lease.max(plan.lease);
         self.resume_for(now, plan, out);
-        let Some(follower) = &mut self.follower else { return };
-        let before = follower.refusal().cloned();
-        match follower.offer(plan) {
-            Verdict::Refused(refusal) if before.as_ref() != Some(&refusal) => {
-                out.push(Out::Remark(Remark::Refused(refusal)));
-            }
-            Verdict::Adopted | Verdict::Refused(_) | Verdict::Old | Verdict::Kept => {}
-        }
+        out.extend(self.plan.offer(plan).map(Out::Remark));
         self.report(out);
     }
 
@@ -312,16 +249,8 @@ impl Mission {
         plan.seen.is_some_and(is_fresh)
     }
 
-    /// Gives the first place of the own plan that lies outside the fence.
-    fn leads_outside(&self, plan: &Plan) -> Option<Point> {
-        let own = plan.stops.iter().filter(|_| plan.vehicle == self.settings.vehicle);
-        let mut places = own.flat_map(|stop| stop.route.iter().chain([&stop.at])).map(|at| Point::from(*at));
-        places.find(|at| !self.settings.fence.contains(*at))
-    }
-
     /// A new revision is followed: what was left of the old way is given up.
-    fn adopted(&mut self, progress: VehicleProgress, out: &mut Vec<Out>) {
-        (self.finished, self.is_off_plan) = (false, false);
+    fn adopted(&mut self, progress: &VehicleProgress, out: &mut Vec<Out>) {
         if let Some(state) = &self.state {
             self.pilot.give_up(state.pose.at);
         }
@@ -330,29 +259,28 @@ impl Mission {
     }
 
     fn hear(&mut self, now: Time, progress: &VehicleProgress, out: &mut Vec<Out>) {
-        if let Some(follower) = &mut self.follower {
-            follower.hear(now, progress);
-            self.report(out);
-        }
+        self.plan.hear(now, progress);
+        self.report(out);
     }
 
     fn order(&mut self, now: Time, order: Order, out: &mut Vec<Out>) {
         self.lease = self.lease.max(order.lease);
-        (self.own, self.line) = (None, Line::default());
         match order.kind {
-            OrderKind::Start if self.wanted == Wanted::Home && self.is_battery_low => {}
+            OrderKind::Start if matches!(self.goal, Goal::Home(_)) && self.is_battery_low => {
+                self.goal = Goal::Home(By::Order);
+            }
             OrderKind::Start => {
-                if matches!(self.wanted, Wanted::Returning { under_way: true, .. }) {
+                if self.goal.drives_home() {
                     self.stop(now, out);
                 }
-                self.wanted = Wanted::Following;
+                self.goal = Goal::Following;
             }
             OrderKind::Hold | OrderKind::Land | OrderKind::Emergency | OrderKind::CutMotors => {
-                self.wanted = Wanted::Held;
+                self.goal = Goal::Held(By::Order);
                 self.stop(now, out);
             }
             OrderKind::Return => {
-                self.wanted = Wanted::Returning { since: now, under_way: false };
+                self.goal = Goal::go_home(now, By::Order);
                 self.stop(now, out);
             }
         }
@@ -360,8 +288,8 @@ impl Mission {
     }
 
     fn stop(&mut self, now: Time, out: &mut Vec<Out>) {
-        if let Some(errand) = &mut self.errand {
-            errand.interrupt(now);
+        if let Some(runner) = &mut self.runner {
+            runner.interrupt(now);
         }
         self.pilot.halted(now);
         out.push(Out::Command(now, Command::Hold));
@@ -385,22 +313,18 @@ impl Mission {
 
     /// Says progress and what is measured for, when they have changed.
     fn report(&mut self, out: &mut Vec<Out>) {
-        let Some(follower) = &self.follower else { return };
-        let progress = VehicleProgress { boot: self.settings.boot, ..follower.progress() };
-        if progress != self.said {
-            if (progress.run, progress.revision) != (self.said.run, self.said.revision) {
-                self.adopted(progress, out);
+        if !self.plan.is_begun() {
+            return;
+        }
+        let news = self.plan.news();
+        if let Some(progress) = news.progress {
+            if news.is_adopted {
+                self.adopted(&progress, out);
             }
-            self.said = progress;
             out.push(Out::Progress(self.on_wire()));
         }
-        let following = self.wanted == Wanted::Following;
-        let finished = self.follower.as_ref().is_some_and(Follower::finished);
-        if finished && !self.finished && progress.done.is_some() {
-            self.finished = true;
-            out.push(Out::Remark(Remark::Finished(progress.run)));
-        }
-        let measure = (following && !finished && progress.run != RunId::default()).then_some(progress.run);
+        out.extend(news.finished.map(|run| Out::Remark(Remark::Finished(run))));
+        let measure = self.plan.measures_for().filter(|_| self.goal == Goal::Following);
         if measure != self.said_measure {
             self.said_measure = measure;
             out.push(Out::Measure(measure));
@@ -413,23 +337,25 @@ impl Mission {
 
     /// The pilot wants to be woken only while something is being driven.
     fn pilot_deadline(&self) -> Option<Deadline> {
-        match self.wanted {
+        match self.goal {
             _ if self.links.is_alone => None,
-            Wanted::Following if self.errand.is_some() => {
-                let errand = self.errand.as_ref().and_then(Errand::deadline);
-                Deadline::earlier(errand, self.pilot.deadline())
+            Goal::Following if self.runner.is_some() => {
+                let steps = self.runner.as_ref().and_then(StepRunner::deadline);
+                Deadline::earlier(steps, self.pilot.deadline())
             }
-            Wanted::Following if self.is_off_plan => None,
-            Wanted::Following | Wanted::Returning { under_way: true, .. } => self.pilot.deadline(),
-            Wanted::Waiting | Wanted::Held | Wanted::Home | Wanted::Returning { under_way: false, .. } => {
-                None
-            }
+            Goal::Following if self.plan.has_left() => None,
+            Goal::Following => self.pilot.deadline(),
+            Goal::Returning(Return { stage: ReturnStage::UnderWay { .. }, .. }) => self.pilot.deadline(),
+            Goal::Returning(Return { stage: ReturnStage::InQueue(_), .. })
+            | Goal::Waiting
+            | Goal::Held(_)
+            | Goal::Home(_) => None,
         }
     }
 
     fn dwell_deadline(&self) -> Option<Deadline> {
-        let following = self.wanted == Wanted::Following && !self.is_off_plan && !self.links.is_alone;
-        self.follower.as_ref().filter(|_| following).and_then(Follower::deadline)
+        let follows = self.goal == Goal::Following && !self.links.is_alone;
+        follows.then(|| self.plan.deadline()).flatten()
     }
 }
 
@@ -443,11 +369,11 @@ impl Actor for Mission {
             In::Peer(state) => self.peers.take(now, &state),
             In::Tile(tile) => {
                 self.pilot.learn(&tile);
-                if let Some(errand) = &mut self.errand {
-                    errand.learn(&tile);
+                if let Some(runner) = &mut self.runner {
+                    runner.learn(&tile);
                 }
             }
-            In::Plan(plan) => self.plan(now, &plan, out),
+            In::Plan(plan) => self.take_plan(now, &plan, out),
             In::Progress(progress) => self.hear(now, &progress, out),
             In::Sighted(sighting) => {
                 self.peers.sight(now, &sighting);

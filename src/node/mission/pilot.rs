@@ -5,6 +5,7 @@
 //!   Driving ─release ends at unknown, at rest─► Looking ─seen─► Driving
 //!      │  ▲                                        └─everything looked at─► Planning (unknown counts as barred)
 //!      │  └─────────── path ready ── Planning ◄── release ends at an obstacle
+//!      │                             └─nothing found─► Waiting ─► Looking, Driving
 //!      └─ end of the way reached ─► at rest
 //! ```
 
@@ -20,7 +21,7 @@ use tomoswarm_proto::{Mode, StopId, TileReport};
 
 use super::super::vehicle::{Bump, Command};
 use super::super::{OwnState, Settings};
-use super::look::{Look, Next};
+use super::look_around::{LookAround, Next};
 use super::way::Way;
 use crate::geom::{Angle, Point, Pose, Rect, Segment};
 use crate::map::{CellRect, Merged};
@@ -36,7 +37,7 @@ const RENEW_M: f64 = 1.0;
 /// A command that leads this much further than is released is shortened, metres.
 const SHORTEN_M: f64 = 0.05;
 /// At rest this near to the end, the end is reached, metres.
-const ARRIVED_M: f64 = 0.35;
+pub const ARRIVED_M: f64 = 0.35;
 /// Between what is released and where the command ends, metres.
 const BACKOFF_M: f64 = 0.02;
 /// After a command that had no effect, wait this long.
@@ -78,7 +79,7 @@ pub enum Met {
 #[derive(Clone, Debug, Serialize, Deserialize)]
 enum Doing {
     Driving,
-    Looking(Look),
+    Looking(LookAround),
     /// A path search that takes its time: the corners, and how many corners of the way they replace.
     Planning {
         ready: Time,
@@ -474,7 +475,7 @@ impl Pilot {
     /// Begins to look around, first in a direction.
     fn look_around(&mut self, now: Time, toward: Angle, at: Point, met: &mut Vec<Met>) -> Command {
         met.push(Met::Looks(at));
-        let look = Look::toward(toward, now);
+        let look = LookAround::toward(toward, now);
         self.doing = Doing::Looking(look);
         self.commanded_at = now;
         Command::Turn(look.heading())

@@ -4,11 +4,11 @@
 
 use std::time::Duration;
 
-use serde::{Deserialize, Serialize};
 use tomoswarm_proto::VehicleId;
 
+use super::goal::{Goal, Return, ReturnQueue, ReturnStage};
 use super::pilot::{Unknown, WayHome};
-use super::{Cause, Mission, Out, Remark, Wanted};
+use super::{Cause, Mission, Out, Remark};
 use crate::node::peers::Peer;
 use crate::time::Time;
 
@@ -30,44 +30,36 @@ const FAILURES_MAX: u32 = 6;
 /// Every so many tries the unknown is a resort, although a known way seems to be open.
 const TRIES: u32 = 3;
 
-/// How a vehicle gets on with going home.
-#[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
-pub(super) struct Line {
-    /// Not before this is the way home judged again.
-    try_at: Time,
-    /// Since when its peers bar its way.
-    barred_since: Option<Time>,
-    /// When it went, if it may go through the unknown and others may free a known way.
-    bold_since: Option<Time>,
-    /// It does not wait for others to free its way: they follow their plans, or its battery is low.
-    presses_on: bool,
-    /// It has let others have their turn before it.
-    has_stepped_back: bool,
-    /// Tries in vain.
-    tries: u32,
-}
-
 impl Mission {
-    pub(super) fn bring_home(&mut self, now: Time, since: Time, under_way: bool, out: &mut Vec<Out>) {
-        let Some(state) = &self.state else { return };
-        if !under_way {
-            if state.leg.is_none() && self.line.try_at <= now && self.is_its_turn(now, since) {
-                self.take_turn(now);
-            }
+    pub(super) fn bring_home(&mut self, now: Time, home: Return, out: &mut Vec<Out>) {
+        match home.stage {
+            ReturnStage::InQueue(queue) => self.wait_in_queue(now, home, queue),
+            ReturnStage::UnderWay { .. } => self.drive_home(now, home, out),
+        }
+    }
+
+    fn wait_in_queue(&mut self, now: Time, home: Return, queue: ReturnQueue) {
+        let rests = self.state.as_ref().is_some_and(|state| state.leg.is_none());
+        if rests && queue.try_at <= now && self.is_its_turn(now, &queue) {
+            self.take_turn(now, home, queue);
+        }
+    }
+
+    fn drive_home(&mut self, now: Time, home: Return, out: &mut Vec<Out>) {
+        if self.state.is_none() {
             return;
         }
         self.drive(now, out);
         if self.pilot.way().is_empty() {
-            (self.wanted, self.line) = (Wanted::Home, Line::default());
+            self.goal = Goal::Home(home.by);
             out.push(Out::Remark(Remark::Home));
         } else if self.pilot.is_refused() && !self.is_low() {
-            self.line.tries += 1;
-            self.step_back(now);
+            self.try_in_vain(now);
         }
     }
 
     /// Begins to drive home, or waits for those who bar the way.
-    fn take_turn(&mut self, now: Time) {
+    fn take_turn(&mut self, now: Time, home: Return, queue: ReturnQueue) {
         let Some(state) = &self.state else { return };
         let standing = self.peers.iter().filter(|(_, peer)| peer.resting || peer.is_silent(now));
         self.pilot.keep_clear_of(standing.map(|(_, peer)| peer.claim.clone()).collect());
@@ -75,44 +67,55 @@ impl Mission {
         let presses_on = others_move || self.is_low();
         let unknown = match self.pilot.way_home(now, state) {
             _ if presses_on => Unknown::LastResort,
-            WayHome::Open if self.line.tries % TRIES != TRIES - 1 => Unknown::Barred,
-            WayHome::BehindPeers if !self.has_waited(now) => {
-                self.line.barred_since.get_or_insert(now);
+            WayHome::Open if home.tries % TRIES != TRIES - 1 => Unknown::Barred,
+            WayHome::BehindPeers if !self.has_waited(now, &queue) => {
+                let barred_since = queue.barred_since.or(Some(now));
+                let stage = ReturnStage::InQueue(ReturnQueue { barred_since, ..queue });
+                self.goal = Goal::Returning(Return { stage, ..home });
                 return self.step_back(now);
             }
             WayHome::Open | WayHome::BehindPeers | WayHome::Unknown => Unknown::LastResort,
         };
-        self.line.presses_on = presses_on;
-        self.line.barred_since = None;
-        self.line.bold_since = (unknown == Unknown::LastResort).then_some(now);
         self.pilot.go_home(now, state, unknown);
-        self.is_off_plan = true;
-        self.wanted = Wanted::Returning { since: now, under_way: true };
+        self.plan.leave();
+        let bold_since = (unknown == Unknown::LastResort).then_some(now);
+        let stage = ReturnStage::UnderWay { bold_since, presses_on };
+        self.goal = Goal::Returning(Return { stage, ..home });
     }
 
     /// Lets the others have their turn.
     fn step_back(&mut self, now: Time) {
-        (self.line.try_at, self.line.has_stepped_back) = (now + TRY_AGAIN, true);
-        self.wanted = Wanted::Returning { since: now, under_way: false };
+        if let Goal::Returning(home) = &mut self.goal {
+            *home = home.stepped_back(now, now + TRY_AGAIN);
+        }
     }
 
-    /// On the way home no path was found, or the one found is blocked: others may have to move first. Who goes through
-    /// the unknown goes on trying as long as nobody has.
+    /// Counts a try to get home, and lets the others have their turn.
+    fn try_in_vain(&mut self, now: Time) {
+        if let Goal::Returning(home) = &mut self.goal {
+            home.tries += 1;
+        }
+        self.step_back(now);
+    }
+
+    /// On the way home no path was found, or the one found is blocked: others may have to move first. A vehicle that goes
+    /// through the unknown goes on trying as long as none of them has moved.
     pub(super) fn finds_no_way_home(&mut self, now: Time, failures: u32) {
-        if !matches!(self.wanted, Wanted::Returning { under_way: true, .. }) {
+        let Goal::Returning(Return { stage: ReturnStage::UnderWay { bold_since, presses_on }, .. }) =
+            self.goal
+        else {
             return;
-        }
+        };
         let has_moved = |since: Time| self.peers.iter().any(|(_, peer)| peer.moved_at > since);
-        let gives_way = !self.line.presses_on && self.line.bold_since.is_none_or(has_moved);
+        let gives_way = !presses_on && bold_since.is_none_or(has_moved);
         if failures >= FAILURES_MAX || gives_way {
-            self.line.tries += 1;
-            self.step_back(now);
+            self.try_in_vain(now);
         }
     }
 
-    /// Tells whether the peers that bar the way have had time enough.
-    fn has_waited(&self, now: Time) -> bool {
-        let Some(barred_since) = self.line.barred_since else { return false };
+    /// Returns whether the peers that bar the way have had time enough.
+    fn has_waited(&self, now: Time, queue: &ReturnQueue) -> bool {
+        let Some(barred_since) = queue.barred_since else { return false };
         let heard = self.peers.iter().filter(|(_, peer)| !peer.is_silent(now));
         let moved_at = heard.fold(barred_since, |latest, (_, peer)| latest.max(peer.moved_at));
         let count = self.peers.iter().count() + self.lower().count();
@@ -120,7 +123,7 @@ impl Mission {
     }
 
     fn is_low(&self) -> bool {
-        self.own == Some(Cause::BatteryLow)
+        self.goal.cause() == Some(Cause::BatteryLow)
     }
 
     fn lower(&self) -> impl Iterator<Item = &Peer> {
@@ -129,11 +132,12 @@ impl Mission {
 
     /// Vehicles return one after the other: all lower ids have been at rest, longer the more there are, and the
     /// higher ones stand.
-    fn is_its_turn(&self, now: Time, since: Time) -> bool {
+    fn is_its_turn(&self, now: Time, queue: &ReturnQueue) -> bool {
+        let since = queue.since;
         let quiet = QUIET * self.lower().count() as u32;
         let mut higher = self.peers.iter().filter(|(id, _)| *id > self.settings.vehicle);
         let higher_stand = higher.all(|(_, peer)| peer.resting || peer.is_silent(now));
-        let is_later = self.line.has_stepped_back && !self.is_low();
+        let is_later = queue.has_stepped_back && !self.is_low();
         let within = if is_later { LATER_HIGHER_WITHIN } else { HIGHER_WITHIN };
         self.lower().all(|peer| peer.is_quiet(now, since, quiet))
             && (higher_stand || now.since(since) > within)
@@ -142,8 +146,7 @@ impl Mission {
     /// A command was refused, or given up, for a peer: when that is a lower id that drives, it goes first.
     pub(super) fn yields_to(&mut self, now: Time, peer: VehicleId) {
         let drives = self.peers.get(peer).is_some_and(|peer| !peer.resting);
-        let is_under_way = matches!(self.wanted, Wanted::Returning { under_way: true, .. });
-        if is_under_way && drives && peer < self.settings.vehicle {
+        if self.goal.drives_home() && drives && peer < self.settings.vehicle {
             self.step_back(now);
         }
     }

@@ -137,7 +137,7 @@ impl Ring {
     }
 
     fn is_home(&self) -> bool {
-        self.mission.standing() == Standing::Home
+        self.mission.status() == MissionStatus::Home
     }
 }
 
@@ -201,7 +201,7 @@ fn who_is_refused_every_path_lets_the_others_go_first_and_tries_again() {
     let mut stepped_back = 0;
     for _ in 0..60 {
         ring.run(1);
-        let waits = matches!(ring.mission.wanted, Wanted::Returning { under_way: false, .. });
+        let waits = matches!(ring.mission.goal, Goal::Returning(home) if !home.is_under_way());
         stepped_back += u32::from(waits);
     }
     assert!(stepped_back > 2, "it never let others go");

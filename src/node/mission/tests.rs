@@ -3,7 +3,7 @@
 use std::sync::Arc;
 use tomoswarm_proto::TileReport;
 
-use tomoswarm_proto::{Boot, Lease, Mode, Position, State, Stop, TileAddress};
+use tomoswarm_proto::{Boot, Lease, Mode, Position, Revision, State, Stop, StopId, TileAddress};
 
 use super::super::tests_support::{own_state, settings, state};
 use super::*;
@@ -129,7 +129,9 @@ fn a_held_vehicle_takes_a_new_revision_from_where_it_stands() {
     assert!(!told(&mut mission, 3.0, plan(3, &[])).contains(&Out::Accepted(RUN, Revision(3))), "on a leg");
     told(&mut mission, 4.0, order(OrderKind::Hold));
     let adopts = |out: &Out| *out == Out::Accepted(RUN, Revision(3));
-    assert!(until(&mut mission, 4.0, 1.0, adopts).is_some() || mission.said.revision == Revision(3));
+    assert!(
+        until(&mut mission, 4.0, 1.0, adopts).is_some() || mission.plan.progress().revision == Revision(3)
+    );
 }
 
 #[test]
@@ -139,7 +141,7 @@ fn a_blocked_route_is_planned_anew_and_a_closed_one_is_said() {
     told(&mut mission, 2.0, order(OrderKind::Start));
     let looks = until(&mut mission, 2.0, 0.6, |out| matches!(out, Out::Remark(Remark::Blocked(_))));
     assert!(looks.is_some(), "the wall is met");
-    assert_eq!(mission.said.done, None, "nothing is done by that");
+    assert_eq!(mission.plan.progress().done, None, "nothing is done by that");
 }
 
 #[test]

@@ -35,7 +35,7 @@ impl Vehicle {
             return Err(refusal);
         }
         let telemetry = self.telemetry.fresh(now).ok_or(Refusal::NoPose)?;
-        if telemetry.pose.sd_m > self.settings.safety.pose_sd_max_m {
+        if telemetry.pose.sd_m > self.settings.swarm.pose_sd_max_m {
             return Err(Refusal::PoseUncertain);
         }
         route.map_or(Ok(()), |route| self.check_route(now, &route, telemetry.pose))
@@ -64,7 +64,7 @@ impl Vehicle {
     fn keeps_clear_of(&self, route: &Track, pose: Pose, peer: &Peer) -> bool {
         let Some(claim) = Track::new(peer.claim.clone()) else { return true };
         let nearest_m = route.distance_to(&claim);
-        if nearest_m >= self.settings.safety.separation_m {
+        if nearest_m >= self.settings.swarm.separation_m {
             return true;
         }
         let here_m = claim.distance_to_point(pose.at);

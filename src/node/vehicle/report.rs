@@ -125,7 +125,7 @@ impl Vehicle {
     fn stands_under(&self, own: &OwnState) -> Option<StandReason> {
         match self.orders.restraint() {
             Restraint::Held | Restraint::Landing(_) | Restraint::Emergency(_) => Some(StandReason::Held),
-            Restraint::Free if own.pose.sd_m > self.settings.safety.pose_sd_max_m => {
+            Restraint::Free if own.pose.sd_m > self.settings.swarm.pose_sd_max_m => {
                 Some(StandReason::NoPlace)
             }
             Restraint::Free => self.reports.mission_holds,

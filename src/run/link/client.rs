@@ -51,8 +51,12 @@ pub struct WorldLink {
     thread: Option<JoinHandle<()>>,
 }
 
+/// Gets what the devices say.
+type Told = Box<dyn FnMut(Event) + Send>;
+
 struct Shared {
     settings: LinkSettings,
+    told: Mutex<Told>,
     now: Mutex<Now>,
     ended: Condvar,
 }
@@ -64,28 +68,32 @@ struct Now {
 }
 
 impl WorldLink {
-    /// Begins to connect, and goes on for ever. `told` gets telemetry, echoes and beacons heard, on the link's own
-    /// thread; while it runs nothing else is read.
+    /// Begins to connect, and goes on for ever. `told` gets telemetry, echoes, and beacons heard or not sent, on the link's
+    /// own thread or on that of who sends; while it runs nothing else is read, and it must not send.
     ///
     /// # Errors
     /// No thread can be started.
     pub fn connect(
         settings: LinkSettings,
-        mut told: impl FnMut(Event) + Send + 'static,
+        told: impl FnMut(Event) + Send + 'static,
     ) -> io::Result<WorldLink> {
         let now = Now { stream: None, state: LinkState::Connecting(None), is_ended: false };
-        let shared = Arc::new(Shared { settings, now: Mutex::new(now), ended: Condvar::new() });
+        let (told, now) = (Mutex::new(Box::new(told) as Told), Mutex::new(now));
+        let shared = Arc::new(Shared { settings, told, now, ended: Condvar::new() });
         let own = shared.clone();
-        let thread =
-            std::thread::Builder::new().name("world link".to_owned()).spawn(move || own.run(&mut told))?;
+        let thread = std::thread::Builder::new().name("world link".to_owned()).spawn(move || own.run())?;
         Ok(WorldLink { shared, thread: Some(thread) })
     }
 
-    /// Carries what concerns the simulated devices to the world, from any thread; the rest is not for the world. Tells
-    /// whether it was carried: while the world is away it is dropped.
+    /// Carries what concerns the simulated devices to the world, from any thread; the rest is not for the world. Returns
+    /// whether it was carried: while the world is away it is dropped, and a beacon is told to be unsent.
     pub fn send(&self, effect: &Effect) -> bool {
-        let Some(frame) = word(effect).and_then(|word| encode(&word).ok()) else { return false };
-        self.shared.write(&frame)
+        let frame = word(effect).and_then(|word| encode(&word).ok());
+        let is_carried = frame.is_some_and(|frame| self.shared.write(&frame));
+        if let (Effect::Transmit(beacon), false) = (effect, is_carried) {
+            self.shared.tell(Event::Unsent(beacon.sequence));
+        }
+        is_carried
     }
 
     /// Gives how the link stands.
@@ -133,6 +141,7 @@ fn event(word: FromWorld) -> Option<Event> {
             Ok(Decoded::Message(Message::Beacon(beacon))) => Some(Event::Heard(Heard { beacon, rssi_dbm })),
             Ok(_) | Err(_) => None,
         },
+        FromWorld::Unsent(sequence) => Some(Event::Unsent(sequence)),
         FromWorld::Welcome(_) | FromWorld::Refused(_) | FromWorld::Status(_) | FromWorld::Places(_) => None,
     }
 }
@@ -142,9 +151,14 @@ impl Shared {
         self.now.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    fn run(&self, told: &mut dyn FnMut(Event)) {
+    fn tell(&self, event: Event) {
+        let mut told = self.told.lock().unwrap_or_else(PoisonError::into_inner);
+        (*told)(event);
+    }
+
+    fn run(&self) {
         loop {
-            let state = match self.session(told) {
+            let state = match self.session() {
                 Ok(refused) => LinkState::Refused(refused),
                 Err(reason) => LinkState::Connecting(Some(reason)),
             };
@@ -160,7 +174,7 @@ impl Shared {
     }
 
     /// One connection from its beginning to its end; gives why the world refused it, or what went wrong.
-    fn session(&self, told: &mut dyn FnMut(Event)) -> Result<Refused, String> {
+    fn session(&self) -> Result<Refused, String> {
         let mut stream = self.open().map_err(|error| format!("{}: {error}", self.settings.address))?;
         loop {
             let frame = read_frame(&mut stream).map_err(|error| error.to_string())?;
@@ -169,7 +183,7 @@ impl Shared {
                 FromWorld::Welcome(welcome) => self.welcome(&stream, welcome).map_err(|e| e.to_string())?,
                 word => {
                     if let Some(event) = event(word) {
-                        told(event);
+                        self.tell(event);
                     }
                 }
             }

@@ -6,17 +6,18 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::PathBuf;
 use std::time::Duration;
 
-use tomoswarm_proto::{Message, Mode, OrderKind, Report, RunId, Sender, State, VehicleId, codec};
+use tomoswarm_proto::{Mode, OrderKind, Report, RunId, Sender, VehicleId, codec};
 
 use crate::geom::Point;
 use crate::ground::imager::Subject;
 use crate::ground::station::Note;
+use crate::operator::operator_actor::{In, Out};
+use crate::operator::script::is_at_home;
+use crate::operator::status::Expected;
+use crate::operator::want::{Want, WantId};
 use crate::run::bus::Heard;
-use crate::run::door::ordering::{Fate, Ordering, Outcome as Ordered, Wish};
-use crate::run::door::roll::Roll;
-use crate::run::door::session::Session;
 use crate::run::link::{Status, WorldControl};
-use crate::run::membership;
+use crate::run::live_operator::LiveOperator;
 use crate::sim::bus::BytesByKind;
 use crate::sim::log::Log;
 use crate::sim::script::{Act, Next, Script, Step};
@@ -34,10 +35,6 @@ const PICTURED_WITHIN: Duration = Duration::from_secs(60);
 const LOOK: Duration = Duration::from_millis(500);
 /// Longer than this nothing is waited for without a look at what else there is to do.
 const WAIT: Duration = Duration::from_millis(100);
-/// Messages taken before orders are looked after again.
-const AT_ONCE: usize = 1000;
-/// A vehicle this near to its home, and at rest, is home, metres.
-const HOME_M: f64 = 1.0;
 
 /// How it stands.
 #[derive(Clone, PartialEq, Eq, Debug)]
@@ -67,21 +64,30 @@ pub struct Diary {
     pub home: usize,
 }
 
+impl Diary {
+    fn hear(&mut self, heard: &Heard) {
+        let Heard::Message(sender, message) = heard else { return };
+        let bytes = codec::encode(message).map_or(0, |frame| frame.len() as u64);
+        *self.bytes.entry(*sender).or_default().entry(message.word()).or_default() += bytes;
+        self.messages += 1;
+    }
+}
+
 /// Plays the operator.
 pub struct Director {
-    session: Session,
+    operator: LiveOperator,
     control: WorldControl,
     store_path: PathBuf,
     store: Option<GroundStore>,
     script: Script,
-    venue_hash: u64,
     homes: BTreeMap<VehicleId, Point>,
     until: Time,
-    roll: Roll,
     /// Since when everybody is there.
     begun: Option<Time>,
     steps: Vec<(Time, Step)>,
-    ordering: Option<Ordering>,
+    /// What is wanted of everybody and not brought about yet.
+    wanted: Option<WantId>,
+    wants: u32,
     looked: Time,
     /// When the sweep that is wanted was seen to be closed.
     closed: BTreeMap<RunId, Time>,
@@ -98,25 +104,24 @@ impl Director {
     /// The scene cannot be built.
     pub fn new(
         scenario: &Scenario,
-        session: Session,
+        operator: LiveOperator,
         control: WorldControl,
         store_path: PathBuf,
     ) -> Result<Director, ScenarioError> {
         let sim = scenario.sim();
         let homes = sim.vehicle_ids().filter_map(|id| Some((id, sim.home(id)?))).collect();
         Ok(Director {
-            until: session.now() + sim.until,
-            session,
+            until: operator.now() + sim.until(),
+            operator,
             control,
             store_path,
             store: None,
             script: scenario.script()?,
-            venue_hash: sim.venue.hash(),
             homes,
-            roll: Roll::default(),
             begun: None,
             steps: Vec::new(),
-            ordering: None,
+            wanted: None,
+            wants: 0,
             looked: Time::ZERO,
             closed: BTreeMap::new(),
             is_pictured: false,
@@ -128,18 +133,18 @@ impl Director {
 
     /// Goes on for a moment.
     pub fn go(&mut self) -> Going {
-        self.listen();
-        let now = self.session.now();
+        let going = self.listen();
+        if going != Going::On {
+            return going;
+        }
+        let now = self.operator.now();
         if now > self.until {
             return Going::Failed("the sweep did not end in time".to_owned());
         }
         if self.begun.is_none() {
             return self.gather(now);
         }
-        let mut going = self.order(now);
-        if going == Going::On {
-            going = self.take_steps(now);
-        }
+        let mut going = self.take_steps(now);
         if going == Going::On && now.since(self.looked) >= LOOK {
             self.looked = now;
             going = self.look(now);
@@ -158,63 +163,60 @@ impl Director {
 
     /// Writes a line into the log.
     pub fn note(&mut self, who: &str, what: &str) {
-        let now = self.session.now();
+        let now = self.operator.now();
         self.diary.log.line(now, who, format_args!("{what}"));
     }
 
     /// Leaves the bus and gives what was written down.
     pub fn leave(self) -> Diary {
         let sweep_done = self.script.is_sweep_done();
-        self.session.close();
+        self.operator.close();
         Diary { sweep_done, home: self.home.len(), ..self.diary }
     }
 
     /// Says in one line how it stands.
     pub fn line(&self) -> String {
-        let now = self.session.now();
-        let ground = self.roll.ground(now).map_or("the ground station is not heard".to_owned(), |report| {
-            let Report { phase, run, laps_done, laps, samples, .. } = &report.said;
-            let phase = format!("{phase:?}").to_lowercase();
-            format!("{phase}, sweep {run}, lap {laps_done}/{laps}, {samples} samples")
-        });
+        let now = self.operator.now();
+        let ground =
+            self.operator.view().ground(now).map_or("the ground station is not heard".to_owned(), |report| {
+                let Report { phase, run, laps_done, laps, samples, .. } = &report.value;
+                let phase = format!("{phase:?}").to_lowercase();
+                format!("{phase}, sweep {run}, lap {laps_done}/{laps}, {samples} samples")
+            });
         let mode = |id: &VehicleId| {
-            let state = self.roll.state(*id);
-            format!("{id} {}", state.map_or("-", |state| mode_name(state.said.mode)))
+            let state = self.operator.view().state(*id);
+            format!("{id} {}", state.map_or("-", |state| mode_name(state.value.mode)))
         };
         let modes: Vec<String> = self.homes.keys().map(mode).collect();
         format!("{:>4.0} s  {ground}; {}", now.as_secs_f64(), modes.join(", "))
     }
 
-    fn listen(&mut self) {
-        let until = self.session.now() + WAIT;
-        let until = self.ordering.as_ref().map_or(until, |order| order.next(self.session.now()).min(until));
-        let first = self.session.hear(until);
-        let more = std::iter::from_fn(|| self.session.hear(Time::ZERO)).take(AT_ONCE);
-        let heard: Vec<(Time, Heard)> = first.into_iter().chain(more).collect();
-        for (at, heard) in &heard {
-            self.hear(*at, heard);
+    /// Hears and orders for a moment.
+    fn listen(&mut self) -> Going {
+        let diary = &mut self.diary;
+        let said = self.operator.go_on(self.operator.now() + WAIT, |_, heard| diary.hear(heard));
+        let said = match said {
+            Ok(said) => said,
+            Err(fault) => return Going::Failed(fault.to_string()),
+        };
+        for out in said {
+            match out {
+                Out::Ended(id, outcome) if self.wanted == Some(id) => {
+                    self.wanted = None;
+                    if !outcome.is_done() {
+                        return Going::Failed(outcome.undone());
+                    }
+                }
+                Out::Ended(..) | Out::Publish(_) | Out::InForce(..) | Out::Cue(_) | Out::ScriptEnded(_) => {}
+            }
         }
-    }
-
-    fn hear(&mut self, at: Time, heard: &Heard) {
-        self.roll.hear(at, heard);
-        if let Some(ordering) = &mut self.ordering {
-            ordering.hear(at, heard);
-        }
-        let Heard::Message(sender, message) = heard else { return };
-        let bytes = codec::encode(message).map_or(0, |frame| frame.len() as u64);
-        *self.diary.bytes.entry(*sender).or_default().entry(message.word()).or_default() += bytes;
-        self.diary.messages += 1;
+        Going::On
     }
 
     /// Waits until everybody is there.
     fn gather(&mut self, now: Time) -> Going {
-        let is_missing = |id: &&VehicleId| self.roll.state(**id).is_none();
-        let mut missing: Vec<String> =
-            self.homes.keys().filter(is_missing).map(|id| format!("vehicle {id}")).collect();
-        if self.roll.ground(now).is_none() {
-            missing.push("the ground station".to_owned());
-        }
+        let expected = Expected { vehicles: self.homes.keys().copied().collect(), ground: true };
+        let missing = expected.missing(self.operator.view(), now);
         if missing.is_empty() {
             self.begun = Some(now);
             self.note("scenario", "everybody is there");
@@ -228,35 +230,24 @@ impl Director {
         Going::On
     }
 
-    /// Repeats an order until it is obeyed.
-    fn order(&mut self, now: Time) -> Going {
-        let Some(ordering) = &mut self.ordering else { return Going::On };
-        for order in ordering.act(now, self.session.is_linked()) {
-            self.session.mouth().publish(&Message::Order(order));
-        }
-        let Some(outcome) = ordering.outcome(now) else { return Going::On };
-        self.ordering = None;
-        if outcome.is_done() { Going::On } else { Going::Failed(undone(&outcome)) }
-    }
-
     fn take_steps(&mut self, now: Time) -> Going {
         let due = self.steps.iter().position(|(at, _)| *at <= now);
         let Some((_, step)) = due.map(|index| self.steps.remove(index)) else { return Going::On };
         let (act, next) = self.script.step(step);
-        let going = self.carry_out(now, act);
+        let going = self.carry_out(act);
         if going == Going::On { self.follow(now, next) } else { going }
     }
 
-    fn carry_out(&mut self, now: Time, act: Act) -> Going {
+    fn carry_out(&mut self, act: Act) -> Going {
         match act {
             Act::Sweep { run, empty: _ } => {
                 // What it is compared with stands in the ground station's file.
                 self.note("scenario", &format!("sweep {run} is wished"));
-                self.begin(now, OrderKind::Start, Some(run))
+                self.begin(OrderKind::Start, Some(run))
             }
             Act::Start => {
                 self.note("scenario", "the missions begin");
-                self.begin(now, OrderKind::Start, None)
+                self.begin(OrderKind::Start, None)
             }
             Act::Enter(_) => {
                 self.note("scenario", "the persons enter");
@@ -268,40 +259,24 @@ impl Director {
             Act::ReturnHome => {
                 self.note("scenario", "everybody is sent home");
                 self.returns = true;
-                self.begin(now, OrderKind::Return, None)
+                self.begin(OrderKind::Return, None)
             }
             Act::Fail(reason) => Going::Failed(reason),
         }
     }
 
-    fn begin(&mut self, now: Time, kind: OrderKind, run: Option<RunId>) -> Going {
-        let holder = match membership::draw() {
-            // Holder 0 is that of no operator.
-            Ok(drawn) => drawn.max(1),
-            Err(error) => return Going::Failed(error.to_string()),
-        };
-        let all: BTreeSet<VehicleId> = self.homes.keys().copied().collect();
-        let wish = Wish {
+    fn begin(&mut self, kind: OrderKind, run: Option<RunId>) -> Going {
+        let want = Want {
             kind,
-            begins: kind == OrderKind::Start,
-            vehicles: all.clone(),
-            expected: all.clone(),
-            possible: all,
+            vehicles: self.homes.keys().copied().collect(),
             run,
+            begins: kind == OrderKind::Start,
             take_over: false,
-            venue_hash: self.venue_hash,
-            holder,
-            timeout: OBEYED_WITHIN,
+            within: OBEYED_WITHIN,
         };
-        let mut ordering = Ordering::new(now, wish);
-        // What is known of everybody need not be heard again.
-        for (_, seen) in self.roll.vehicles() {
-            if let Some(state) = &seen.state {
-                let node = Sender::Vehicle(state.said.vehicle);
-                ordering.hear(state.at, &Heard::Message(node, Message::State(state.said.clone())));
-            }
-        }
-        self.ordering = Some(ordering);
+        self.operator.tell(In::Want(self.wants, want));
+        self.wanted = Some(WantId::Hand(self.wants));
+        self.wants += 1;
         Going::On
     }
 
@@ -327,7 +302,7 @@ impl Director {
         if going == Going::On && self.closed.contains_key(&RUN) && !self.is_pictured {
             going = self.look_for_picture(now);
         }
-        if going == Going::On && self.returns && self.ordering.is_none() {
+        if going == Going::On && self.returns && self.wanted.is_none() {
             going = self.look_for_home(now);
         }
         going
@@ -366,7 +341,7 @@ impl Director {
         let new: Vec<RunId> = closed.filter(|run| !self.closed.contains_key(run)).collect();
         for run in new {
             self.closed.insert(run, now);
-            let samples = self.roll.ground(now).map_or(0, |report| report.said.samples);
+            let samples = self.operator.view().ground(now).map_or(0, |report| report.value.samples);
             self.note("ground", &format!("sweep {run} is closed"));
             let next = self.script.hear(&Note::RunClosed { run, links: 0, samples });
             let going = self.follow(now, next);
@@ -399,7 +374,7 @@ impl Director {
 
     fn look_for_home(&mut self, now: Time) -> Going {
         let is_new = |(id, home): (&VehicleId, &Point)| {
-            let state = &self.roll.state(*id)?.said;
+            let state = &self.operator.view().state(*id)?.value;
             (!self.home.contains(id) && is_at_home(state, *home)).then_some(*id)
         };
         let new: Vec<VehicleId> = self.homes.iter().filter_map(is_new).collect();
@@ -416,13 +391,6 @@ impl Director {
     }
 }
 
-fn is_at_home(state: &State, home: Point) -> bool {
-    let is_there = state.pose.is_some_and(|pose| Point::from(pose.at).distance_to(home) <= HOME_M);
-    let is_returning = state.ordered.kind == Some(OrderKind::Return);
-    let rests = state.leg.is_none() && matches!(state.mode, Mode::Idle | Mode::Held);
-    is_returning && rests && is_there
-}
-
 fn mode_name(mode: Mode) -> &'static str {
     match mode {
         Mode::Idle => "idle",
@@ -436,17 +404,4 @@ fn mode_name(mode: Mode) -> &'static str {
         Mode::Stopped => "stopped",
         Mode::Emergency => "emergency",
     }
-}
-
-/// Says who did not obey an order.
-fn undone(outcome: &Ordered) -> String {
-    let words = |(id, fate): (&VehicleId, &Fate)| match fate {
-        Fate::Obeyed { .. } => None,
-        Fate::Overruled(_) => Some(format!("vehicle {id} was ordered something else")),
-        Fate::Ignored => Some(format!("vehicle {id} does not obey")),
-        Fate::Unheard => Some(format!("vehicle {id} is not heard")),
-        Fate::Foreign(_) => Some(format!("vehicle {id} is of another venue or version")),
-    };
-    let all: Vec<String> = outcome.fates.iter().filter_map(words).collect();
-    if all.is_empty() { "nobody is heard".to_owned() } else { all.join("; ") }
 }

@@ -1,17 +1,19 @@
 //! The files of the nodes of a live swarm, as text: what a simulation's file says, said to one ground station and its
 //! vehicles. Opens nothing; the folder and the free ports are the caller's matter.
 
-use std::fmt::Write as _;
 use std::net::SocketAddr;
 
 use tomoswarm_proto::{RunId, VehicleId};
 
-use crate::config::{Imaging, Planner, Prior, Sim, Solver, Sweep, Topology, Weights};
-use crate::geom::Angle;
-use crate::plan::{Mount, Mounts};
+use crate::config::{
+    self, BusFile, Config, Drivers, Endpoint, GroundFile, Mission, OperatorFile, PoseFile, Protocol, Record,
+    Sim, Task, Topology, VehicleFile, World,
+};
 
 /// What recordings of one node may take, megabytes.
 const RECORD_MB: usize = 64;
+/// The longest silence after which a neighbour is taken for gone, and the shortest that may be said, seconds.
+const LEASE_S: (f64, f64) = (3.0, 1.0);
 
 /// Where everybody is to be found.
 #[derive(Clone, PartialEq, Debug)]
@@ -31,212 +33,100 @@ pub struct Places {
 }
 
 impl Places {
-    /// Gives the text of the ground station's file; `empty` is the run with which images are compared.
-    pub fn ground(&self, sim: &Sim, empty: Option<RunId>) -> String {
-        let ids: Vec<String> = sim.vehicle_ids().map(|id| id.to_string()).collect();
-        let mut text = format!(
-            "# Written by tomoswarm sim --live.\nkind = \"ground\"\nvenue = {:?}\nvehicles = [{}]\nstate_dir = \"state/ground\"\n",
-            self.venue,
-            ids.join(", ")
-        );
-        if let Some(empty) = empty {
-            line(&mut text, "compare_with", empty);
-        }
-        sweep(&mut text, &sim.sweep);
-        imaging(&mut text, &sim.imaging);
-        head(&mut text, "safety");
-        number(&mut text, "separation_m", sim.safety.separation_m);
-        head(&mut text, "radio");
-        number(&mut text, "sensitivity_dbm", sim.radio.sensitivity_dbm);
-        self.bus(&mut text, Some(self.ground_port), &[]);
-        record(&mut text);
-        text
+    /// Returns the text of the venue's file: what the simulation says of the swarm's contract is in it.
+    pub fn venue(&self, sim: &Sim) -> String {
+        text(Config::Venue(sim.venue.clone()))
     }
 
-    /// Gives the text of a vehicle's file.
+    /// Returns the text of the ground station's file; `empty` is the run with which images are compared.
+    pub fn ground(&self, sim: &Sim, empty: Option<RunId>) -> String {
+        text(Config::Ground(Box::new(GroundFile {
+            venue_file: self.venue.clone(),
+            venue: sim.venue.clone(),
+            vehicles: sim.vehicle_ids().collect(),
+            state_dir: "state/ground".to_owned(),
+            sweep: sim.sweep.clone(),
+            imaging: sim.imaging,
+            reception: sim.radio.reception,
+            compare_with: empty,
+            take_over: false,
+            bus: self.bus(sim, Some(self.ground_port), &[]),
+            record: RECORD,
+            operators_note: String::new(),
+        })))
+    }
+
+    /// Returns the text of a vehicle's file.
     pub fn vehicle(&self, sim: &Sim, id: VehicleId) -> String {
-        let mut text = format!(
-            "# Written by tomoswarm sim --live.\nkind = \"vehicle\"\nvenue = {:?}\nid = {id}\nstate_dir = \"state/vehicle-{id}\"\n",
-            self.venue
-        );
-        body(&mut text, sim);
-        for driver in ["autopilot", "servo"] {
-            head(&mut text, driver);
-            line(&mut text, "driver", "\"sim\"");
-        }
-        look(&mut text, sim);
-        head(&mut text, "radio");
-        line(&mut text, "driver", "\"sim\"");
-        line(&mut text, "channel", sim.radio.channel);
-        line(&mut text, "power_dbm", sim.radio.power_dbm);
-        number(&mut text, "slot_ms", sim.radio.slot.as_secs_f64() * 1e3);
-        head(&mut text, "pose");
-        number(&mut text, "expected_sd_m", sim.vehicles.pose_sd_m);
-        safety(&mut text, sim);
-        let _ = writeln!(text, "\n[world]\nconnect = \"{}\"\ntoken = {:?}", self.world, self.token);
         let index = usize::from(id.0.saturating_sub(1)).min(self.vehicle_ports.len());
         let own = self.vehicle_ports.get(index).copied();
-        self.bus(&mut text, own, &self.vehicle_ports[..index]);
-        record(&mut text);
-        text
+        text(Config::Vehicle(Box::new(VehicleFile {
+            venue_file: self.venue.clone(),
+            venue: sim.venue.clone(),
+            id,
+            home: sim.home(id).unwrap_or_default(),
+            state_dir: format!("state/vehicle-{id}"),
+            mission: Mission::default(),
+            task: Task::Sweep,
+            drivers: Drivers::SIMULATED,
+            body: sim.vehicles.body,
+            look: sim.range.look.clone(),
+            radio: sim.radio.own,
+            pose: PoseFile { expected_sd_m: sim.vehicles.pose_sd_m },
+            world: World { connect: self.world, token: self.token.clone() },
+            safety: sim.safety,
+            bus: self.bus(sim, own, &self.vehicle_ports[..index]),
+            record: RECORD,
+        })))
     }
 
-    /// Gives the text of the file of the operator's commands.
-    pub fn operator(&self) -> String {
-        let mut text =
-            format!("# Written by tomoswarm sim --live.\nkind = \"operator\"\nvenue = {:?}\n", self.venue);
-        self.bus(&mut text, Some(0), &[]);
-        text
+    /// Returns the text of the file of the operator's commands.
+    pub fn operator(&self, sim: &Sim) -> String {
+        text(Config::Operator(Box::new(OperatorFile {
+            venue_file: self.venue.clone(),
+            venue: sim.venue.clone(),
+            bus: self.bus(sim, Some(0), &[]),
+        })))
     }
 
     /// Says where a node listens and what it connects to: the ground station, unless it is the one that listens there, and
     /// in a mesh `others`, so that vehicles find each other without it too.
-    fn bus(&self, text: &mut String, own: Option<u16>, others: &[u16]) {
-        let endpoints = |ports: &[u16]| {
-            let each: Vec<String> = ports.iter().map(|port| format!("\"tcp/127.0.0.1:{port}\"")).collect();
-            format!("[{}]", each.join(", "))
-        };
+    fn bus(&self, sim: &Sim, own: Option<u16>, others: &[u16]) -> BusFile {
         let is_ground = own == Some(self.ground_port);
         let ground = [self.ground_port];
         let ground: &[u16] = if is_ground { &[] } else { &ground };
-        let (name, listen, others) = match self.topology {
-            Topology::Mesh => ("mesh", own, others),
-            Topology::Star => ("star", own.filter(|_| is_ground), &[][..]),
+        let (listen, others) = match self.topology {
+            Topology::Mesh => (own, others),
+            Topology::Star => (own.filter(|_| is_ground), &[][..]),
         };
-        head(text, "bus");
-        let _ = writeln!(text, "topology = \"{name}\"");
-        if let Some(port) = listen {
-            line(text, "listen", endpoints(&[port]));
-        }
-        if !is_ground {
-            line(text, "connect", endpoints(&[ground, others].concat()));
-        }
+        let connect = ground.iter().chain(others.iter().filter(|_| !is_ground));
+        // A vehicle must not be lost while its link may still be silent.
+        let (longest_s, shortest_s) = LEASE_S;
+        let lease_s = (0.5 * sim.venue.swarm.lost_after_s).clamp(shortest_s, longest_s);
+        let (topology, here) = (self.topology, |port: &u16| here(*port));
+        let listen = listen.iter().map(here).collect();
+        BusFile { topology, listen, connect: connect.map(here).collect(), lease_s, ..BusFile::unsaid() }
     }
 }
 
-fn head(text: &mut String, section: &str) {
-    let _ = writeln!(text, "\n[{section}]");
+/// The recordings of a node.
+const RECORD: Record = Record { limit_mb: RECORD_MB };
+
+/// Returns an endpoint of this machine.
+fn here(port: u16) -> Endpoint {
+    Endpoint { protocol: Protocol::Tcp, host: "127.0.0.1".to_owned(), port }
 }
 
-fn line(text: &mut String, key: &str, value: impl std::fmt::Display) {
-    // Writing into a string cannot fail.
-    let _ = writeln!(text, "{key} = {value}");
-}
-
-/// Writes a number with all its digits, and a point.
-fn number(text: &mut String, key: &str, value: f64) {
-    let _ = writeln!(text, "{key} = {value:?}");
-}
-
-/// Gives radians as degrees without the last digits, which only come from reckoning.
-fn degrees(radians: f64) -> f64 {
-    libm::round(radians.to_degrees() * 1e9) / 1e9
-}
-
-fn body(text: &mut String, sim: &Sim) {
-    let body = sim.vehicles.body();
-    head(text, "vehicle");
-    number(text, "radius_m", body.radius_m);
-    number(text, "height_m", body.height_m);
-    number(text, "antenna_height_m", body.antenna_height_m);
-    number(text, "max_speed_mps", body.max_speed_mps);
-    number(text, "acceleration_mps2", body.acceleration_mps2);
-    number(text, "braking_mps2", body.braking_mps2);
-    number(text, "turn_rate_deg_per_s", degrees(body.turn_rate_rad_per_s));
-}
-
-fn look(text: &mut String, sim: &Sim) {
-    let range = &sim.range;
-    let beam = |beam: &Angle| format!("{:?}", degrees(beam.radians()));
-    let beams: Vec<String> = range.beams.iter().map(beam).collect();
-    head(text, "range");
-    line(text, "driver", "\"sim\"");
-    line(text, "beams_deg", format!("[{}]", beams.join(", ")));
-    number(text, "half_angle_deg", degrees(range.half_angle_rad));
-    number(text, "min_range_m", range.min_range_m);
-    number(text, "max_range_m", range.max_range_m);
-    number(text, "sure_range_m", range.sure_range_m);
-    number(text, "scan_period_s", range.scan_period.as_secs_f64());
-    number(text, "settle_s", range.settle.as_secs_f64());
-    number(text, "farness_m", range.farness_m);
-    if range.mounts != Mounts::default() {
-        range.mounts.all().iter().for_each(|mount| sensor(text, mount));
-    }
-}
-
-fn sensor(text: &mut String, mount: &Mount) {
-    let _ = writeln!(text, "\n[[range.sensor]]");
-    number(text, "mount_deg", degrees(mount.zero.radians()));
-    number(text, "servo_from_deg", degrees(mount.from_rad));
-    number(text, "servo_to_deg", degrees(mount.to_rad));
-    number(text, "slew_s_per_60_deg", mount.slew_s_per_rad * 60f64.to_radians());
-}
-
-fn safety(text: &mut String, sim: &Sim) {
-    let safety = &sim.safety;
-    head(text, "safety");
-    number(text, "padding_m", safety.padding_m);
-    number(text, "separation_m", safety.separation_m);
-    number(text, "pose_sd_max_m", safety.pose_sd_max_m);
-    number(text, "autonomy_s", safety.autonomy.as_secs_f64());
-    number(text, "battery_return", safety.battery_return);
-    number(text, "closeness_m", safety.closeness_m);
-}
-
-fn sweep(text: &mut String, sweep: &Sweep) {
-    let planner = match sweep.planner {
-        Planner::RotatingGap => "rotating-gap",
-        Planner::Fan => "fan",
-        Planner::Calibrate => "calibrate",
-        Planner::FanCorners => "fan-corners",
-        Planner::FanStraight => "fan-straight",
-    };
-    head(text, "sweep");
-    let _ = writeln!(text, "planner = \"{planner}\"");
-    line(text, "positions", sweep.positions);
-    if let Some(laps) = sweep.laps {
-        line(text, "laps", laps);
-    }
-    number(text, "dwell_s", sweep.dwell.as_secs_f64());
-    number(text, "dwell_limit_s", sweep.dwell_limit.as_secs_f64());
-}
-
-fn imaging(text: &mut String, imaging: &Imaging) {
-    let weights = match imaging.weights {
-        Weights::Line => "line",
-        Weights::Ellipse => "ellipse",
-        Weights::InverseArea => "inverse-area",
-    };
-    let solver = match imaging.solver {
-        Solver::Map => "map",
-        Solver::Tikhonov => "tikhonov",
-    };
-    head(text, "imaging");
-    line(text, "pixels", format!("[{}, {}]", imaging.columns, imaging.rows));
-    let _ = writeln!(text, "weights = \"{weights}\"\nsolver = \"{solver}\"");
-    number(text, "width_m", imaging.width_m);
-    number(text, "bin_m", imaging.bin_m);
-    number(text, "min_link_m", imaging.min_link_m);
-    number(text, "rim_m", imaging.rim_m);
-    number(text, "peak_separation_m", imaging.peak_separation_m);
-    line(text, "peaks", imaging.peaks);
-    for (name, prior) in [("prior", imaging.prior), ("structure_prior", imaging.structure_prior)] {
-        let Prior { sigma_db_per_m, correlation_length_m } = prior;
-        head(text, &format!("imaging.{name}"));
-        number(text, "sigma_db_per_m", sigma_db_per_m);
-        number(text, "correlation_length_m", correlation_length_m);
-    }
-}
-
-fn record(text: &mut String) {
-    head(text, "record");
-    line(text, "limit_mb", RECORD_MB);
+/// Returns the text of a file, every key included.
+fn text(config: Config) -> String {
+    format!("# Written by tomoswarm sim --live.\n{}", config::written(&config))
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::config::{self, bundled};
+    use crate::config::bundled;
+    use crate::geom::Angle;
     use crate::node::Settings;
     use tomoswarm_proto::Boot;
 
@@ -247,7 +137,7 @@ mod tests {
             max_speed_mps = 0.4\nacceleration_mps2 = 0.7\nbraking_mps2 = 1.5\nturn_rate_deg_per_s = 77\npose_sd_m = 0.04\n\
             [range]\nbeams_deg = [10, -20, 33.3]\nhalf_angle_deg = 12\nmin_range_m = 0.03\nmax_range_m = 5\n\
             sure_range_m = 3.5\nscan_period_s = 0.08\nsettle_s = 0.02\n[safety]\npadding_m = 0.12\nseparation_m = 1.2\n\
-            pose_sd_max_m = 0.4\nautonomy_s = 55\nbattery_return = 0.3\ncloseness_m = 0.35\n[radio]\nchannel = 17\npower_dbm = -3\nslot_ms = 40\n\
+            pose_sd_max_m = 0.4\nautonomy_s = 55\nseparation_up_m = 3\nbattery_return = 0.3\nbattery_hold = 0.04\ncloseness_m = 0.35\n[radio]\nchannel = 17\npower_dbm = -3\nslot_ms = 40\n\
             sensitivity_dbm = -95\n[sweep]\npositions = 60\nlaps = 7\n[imaging]\npixels = [30, 31]\nbin_m = 0.4\n\
             min_link_m = 2.5\nrim_m = 1.1\npeaks = 4\npeak_separation_m = 2.5\nsolver = \"tikhonov\"\nweights = \"line\"\n\
             [imaging.prior]\nsigma_db_per_m = 0.7\n[imaging.structure_prior]\ncorrelation_length_m = 1.3\n";
@@ -272,10 +162,11 @@ mod tests {
             for id in sim.vehicle_ids() {
                 let text = places(topology).vehicle(&sim, id);
                 let file =
-                    config::read_vehicle("configs/v.toml", &text, &mut |path| bundled::load(path)).unwrap();
+                    config::read_vehicle("configs/v.toml", &text, &mut |_| Ok(places(topology).venue(&sim)))
+                        .unwrap();
                 assert_eq!((file.id, Some(file.home)), (id, sim.home(id)));
                 assert_eq!(file.safety, sim.safety);
-                assert_eq!(file.pose_sd_m, sim.vehicles.pose_sd_m);
+                assert_eq!(file.pose.expected_sd_m, sim.vehicles.pose_sd_m);
                 let (told, expected) = (
                     Settings::from_vehicle_file(&file, Boot(1)),
                     Settings::from_config(&sim, id, Boot(1), file.home),
@@ -285,6 +176,7 @@ mod tests {
                     (expected.body, expected.radio, expected.safety)
                 );
                 assert_eq!((told.fence, told.lattice), (expected.fence, expected.lattice));
+                assert_eq!((&file.look, file.venue.hash()), (&sim.range.look, sim.venue.hash()));
                 let (found, wanted) = (&told.look, &expected.look);
                 let near = |a: Angle, b: Angle| (a.radians() - b.radians()).abs() < 1e-9;
                 assert_eq!(found.beams.len(), 3);
@@ -309,13 +201,15 @@ mod tests {
         let sim = sim();
         for topology in [Topology::Mesh, Topology::Star] {
             let text = places(topology).ground(&sim, Some(RunId(1)));
-            let file = config::read_ground("configs/g.toml", &text, &mut |path| bundled::load(path)).unwrap();
+            let file =
+                config::read_ground("configs/g.toml", &text, &mut |_| Ok(places(topology).venue(&sim)))
+                    .unwrap();
             assert_eq!(file.vehicles, sim.vehicle_ids().collect::<Vec<_>>());
             assert_eq!((&file.sweep, &file.imaging), (&sim.sweep, &sim.imaging));
-            assert_eq!(file.separation_m, sim.safety.separation_m);
-            assert_eq!((file.sensitivity_dbm, file.compare_with), (-95.0, Some(RunId(1))));
-            let text = places(topology).operator();
-            config::read_operator("configs/o.toml", &text, &mut |path| bundled::load(path)).unwrap();
+            assert_eq!((file.reception.sensitivity_dbm, file.compare_with), (-95.0, Some(RunId(1))));
+            let text = places(topology).operator(&sim);
+            config::read_operator("configs/o.toml", &text, &mut |_| Ok(places(topology).venue(&sim)))
+                .unwrap();
         }
     }
 
@@ -324,7 +218,9 @@ mod tests {
         let sim = sim();
         let bus = |topology, id: u8| {
             let text = places(topology).vehicle(&sim, VehicleId(id));
-            config::read_vehicle("configs/v.toml", &text, &mut |path| bundled::load(path)).unwrap().bus
+            config::read_vehicle("configs/v.toml", &text, &mut |_| Ok(places(topology).venue(&sim)))
+                .unwrap()
+                .bus
         };
         let mesh = bus(Topology::Mesh, 3);
         assert_eq!(mesh.listen.iter().map(|endpoint| endpoint.port).collect::<Vec<_>>(), [7603]);

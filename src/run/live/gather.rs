@@ -77,6 +77,7 @@ pub fn outcome(
             scans: world.scans,
             beacons_heard: world.beacons_heard,
             collided_beacons: world.collided_beacons,
+            dropped_commands: world.dropped,
             messages,
         },
         bus_bytes: bytes,

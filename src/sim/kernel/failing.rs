@@ -3,8 +3,7 @@
 use tomoswarm_proto::{Boot, VehicleId};
 
 use super::{Alarm, Kernel};
-use crate::node::mission::Standing;
-use crate::node::vehicle::Fly;
+use crate::node::mission::MissionStatus;
 use crate::sim::faults::Turn;
 
 impl Kernel {
@@ -12,11 +11,6 @@ impl Kernel {
         match turn {
             Turn::Ends(vehicle) => self.die(vehicle),
             Turn::Starts(vehicle) => self.restart(vehicle),
-            Turn::Charge(vehicle, charge) => {
-                let Some(index) = self.index_of(vehicle) else { return };
-                self.log(&format!("vehicle {vehicle}"), format_args!("has a charge of {charge}"));
-                self.outside.charge(index, self.now, charge);
-            }
         }
     }
 
@@ -24,14 +18,13 @@ impl Kernel {
         self.vehicles.iter().position(|vehicle| vehicle.id() == id)
     }
 
-    /// Ends a vehicle's software; without it the autopilot brakes.
+    /// Ends a vehicle's software; without it the autopilot brakes after a while.
     fn die(&mut self, vehicle: VehicleId) {
         let Some(index) = self.index_of(vehicle) else { return };
         self.log(&format!("vehicle {vehicle}"), format_args!("its software ends"));
         self.is_dead[index] = true;
         self.alarms[index] = Alarm { at: None, generation: self.alarms[index].generation + 1 };
-        let touches = self.outside.fly(index, self.now, &Fly::Stop);
-        self.foresee(touches);
+        self.environment.detach(self.now, index);
     }
 
     /// Starts a vehicle's software anew, with what its disk holds.
@@ -42,6 +35,7 @@ impl Kernel {
         let boot = settings.boot;
         self.vehicles[index].restart(settings);
         self.is_dead[index] = false;
+        self.environment.attach(self.now, index);
         self.log(&format!("vehicle {vehicle}"), format_args!("its software starts, boot {boot}"));
         self.set_alarm(index);
     }
@@ -49,14 +43,14 @@ impl Kernel {
     /// Gives how many vehicles are alive, how many of them are home, and how many stand and stay.
     pub(super) fn muster(&self) -> (usize, usize, usize) {
         let alive = || (0..self.vehicles.len()).filter(|index| !self.is_dead[*index]);
-        let count = |wanted: Standing| {
+        let count = |wanted: MissionStatus| {
             let is_so = |index: &usize| {
                 // Who has come home may still roll a hand's breadth.
-                let rests = self.outside.world().truth(*index, self.now).speed_mps == 0.0;
-                (rests || wanted == Standing::Home) && self.vehicles[*index].mission().standing() == wanted
+                let rests = self.environment.world().truth(*index, self.now).speed_mps == 0.0;
+                (rests || wanted == MissionStatus::Home) && self.vehicles[*index].mission().status() == wanted
             };
             alive().filter(is_so).count()
         };
-        (alive().count(), count(Standing::Home), count(Standing::Held))
+        (alive().count(), count(MissionStatus::Home), count(MissionStatus::Held))
     }
 }

@@ -3,9 +3,9 @@
 
 use tomoswarm_proto::Digest;
 
-use super::{Event, Kernel};
+use super::Kernel;
+use crate::sim::body::BodyState;
 use crate::sim::log::hash;
-use crate::sim::outside::TRACK_EVERY;
 use crate::sim::script::RUN;
 use crate::sim::shown::{Shown, ShownVehicle};
 use crate::sim::world::Collision;
@@ -49,28 +49,26 @@ impl Kernel {
     pub(super) fn shown(&mut self) -> Shown<'_> {
         self.status.now = self.now;
         let one = |vehicle: usize| {
-            let (state, node) = (self.outside.world().truth(vehicle, self.now), &self.vehicles[vehicle]);
-            let standing = (!self.is_dead[vehicle]).then(|| node.mission().standing());
-            ShownVehicle { id: node.id(), at: state.at, heading: state.heading, standing }
+            let (state, node) = (self.environment.world().truth(vehicle, self.now), &self.vehicles[vehicle]);
+            let status = (!self.is_dead[vehicle]).then(|| node.mission().status());
+            ShownVehicle { id: node.id(), at: state.at, heading: state.heading, status }
         };
         let vehicles = (0..self.vehicles.len()).map(one).collect();
         Shown { status: self.status, map: self.ground.station().map(), vehicles }
     }
 
-    pub(super) fn track(&mut self) {
-        self.queue.push(self.now + TRACK_EVERY, Event::Track);
-        for vehicle in 0..self.vehicles.len() {
-            let state = self.outside.world().truth(vehicle, self.now);
+    /// Writes down where everybody truly is, and every tenth time into the log.
+    pub(super) fn track(&mut self, states: &[BodyState]) {
+        for (vehicle, state) in states.iter().enumerate() {
             self.record.track(vehicle, state.at);
         }
         if self.now.as_nanos() % 10_000_000_000 < 1_000_000_000 {
-            self.log_poses();
+            self.log_poses(states);
         }
     }
 
-    fn log_poses(&mut self) {
-        for vehicle in 0..self.vehicles.len() {
-            let state = self.outside.world().truth(vehicle, self.now);
+    fn log_poses(&mut self, states: &[BodyState]) {
+        for (vehicle, state) in states.iter().enumerate() {
             let who = format!("vehicle {}", self.vehicles[vehicle].id());
             let (at, degrees) = (state.at, state.heading.degrees());
             self.log(

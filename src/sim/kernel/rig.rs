@@ -12,15 +12,13 @@ use super::super::body::Limits;
 use super::super::noise::Noise;
 use super::super::radio_field::{RadioConstants, RadioField};
 use super::super::range::{RangeModel, RangeSensor};
-use super::super::world::{Build, Stage, Touch, World};
+use super::super::world::{Build, PredictedContact, Stage, World};
 use crate::geom::{Angle, Cell, Lattice, Point, Rect};
 use crate::map::{Merged, Occupancy};
 use crate::node::route::Note;
 use crate::node::sensor::Echo;
 use crate::node::vehicle::{Fly, Remark};
-use crate::node::{
-    BodySettings, Effect, Event, LookSettings, RadioSettings, SafetySettings, Settings, VehicleNode,
-};
+use crate::node::{BodySettings, Effect, Event, LookSettings, RadioSettings, Settings, VehicleNode};
 use crate::scene::{Attenuation, Scene, SceneParts, Up, read_vrml};
 use crate::time::Time;
 
@@ -70,15 +68,8 @@ fn settings() -> Settings {
             mounts: crate::plan::Mounts::default(),
         },
         radio: RadioSettings { channel: 15, power_dbm: 0, slot: Duration::from_millis(50) },
-        safety: SafetySettings {
-            padding_m: 0.1,
-            separation_m: 1.0,
-            pose_sd_max_m: 0.5,
-            autonomy: Duration::from_secs(60),
-            battery_return: 0.2,
-            battery_hold: 0.05,
-            closeness_m: 0.0,
-        },
+        safety: crate::config::Safety { padding_m: 0.1, ..Default::default() },
+        swarm: crate::config::Swarm::default(),
         task: crate::node::Task::Plan,
         path_time: Duration::from_millis(50),
     }
@@ -90,7 +81,7 @@ struct Rig {
     node: VehicleNode,
     beam: Angle,
     echoes: Vec<(Time, Echo)>,
-    touches: Vec<Touch>,
+    touches: Vec<PredictedContact>,
     /// What the vehicle knew when it was last commanded to drive.
     known: Merged,
     drives: usize,
@@ -188,7 +179,7 @@ impl Rig {
 
     fn step(&mut self) {
         self.now = self.now + STEP;
-        let due: Vec<Touch> = self.touches.extract_if(.., |touch| touch.at <= self.now).collect();
+        let due: Vec<PredictedContact> = self.touches.extract_if(.., |touch| touch.at <= self.now).collect();
         for touch in due {
             self.world.touch(&touch);
         }

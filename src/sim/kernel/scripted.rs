@@ -33,8 +33,9 @@ impl Kernel {
             }
             Act::Enter(stage) => {
                 if let Some(stage) = stage {
-                    let touches = self.outside.set_stage(*stage, self.now);
-                    self.foresee(touches);
+                    let mut said = Vec::new();
+                    self.environment.set_stage(self.now, *stage, &mut said);
+                    self.schedule(&mut said);
                 }
                 self.log("scenario", format_args!("the persons enter"));
                 Ok(())

@@ -1,17 +1,15 @@
 //! What the referee sees of vehicles on the ground and in the air.
 
-use super::super::outside::{Later, Outside};
 use super::super::range::RangeModel;
 use super::*;
 use crate::geom::Rect;
-use crate::plan::Mount;
 use crate::scene::{Footprint, Material, Post, SceneParts};
 use crate::sim::radio_field::RadioConstants;
 
 const LIMITS: Limits =
     Limits { speed_mps: 1.0, acceleration_mps2: 0.5, braking_mps2: 1.0, turn_rate_radps: 1.5 };
 
-fn secs(seconds_s: f64) -> Time {
+pub fn secs(seconds_s: f64) -> Time {
     Time::from_secs_f64(seconds_s)
 }
 
@@ -39,7 +37,7 @@ fn stage(posts: &[(f64, f64, f64)]) -> Stage {
 }
 
 /// Vehicles of 0.25 m radius and 0.3 m height at places on the x axis, facing along it.
-fn world(kind: Kind, altitude_m: f64, posts: &[(f64, f64, f64)], places_m: &[f64]) -> World {
+pub fn world(kind: Kind, altitude_m: f64, posts: &[(f64, f64, f64)], places_m: &[f64]) -> World {
     let build = Build {
         radius_m: 0.25,
         height_m: 0.3,
@@ -62,12 +60,12 @@ fn world(kind: Kind, altitude_m: f64, posts: &[(f64, f64, f64)], places_m: &[f64
     world
 }
 
-fn drive(x_m: f64) -> Fly {
+pub fn drive(x_m: f64) -> Fly {
     Fly::Drive { corners: vec![Point::new(x_m, 0.0)], speed_mps: 1.0 }
 }
 
 /// Lets ten telemetries a second come and contacts happen, until one has, or the time is over.
-fn run(world: &mut World, mut touches: Vec<Touch>, from: Time, until: Time) -> Option<Collision> {
+fn run(world: &mut World, mut touches: Vec<PredictedContact>, from: Time, until: Time) -> Option<Collision> {
     let mut now = from;
     while now < until {
         now = now + Duration::from_millis(100);
@@ -76,7 +74,7 @@ fn run(world: &mut World, mut touches: Vec<Touch>, from: Time, until: Time) -> O
         }
         touches.extend(world.foreseen());
         touches.sort_by_key(|touch| touch.at);
-        let due: Vec<Touch> = touches.extract_if(.., |touch| touch.at <= now).collect();
+        let due: Vec<PredictedContact> = touches.extract_if(.., |touch| touch.at <= now).collect();
         if let Some(collision) = due.iter().find_map(|touch| world.touch(touch)) {
             return Some(collision);
         }
@@ -183,22 +181,6 @@ fn a_sensor_in_the_air_looks_over_what_is_low() {
     };
     assert!((range_m(0.5).unwrap() - 2.5).abs() < 0.01);
     assert_eq!(range_m(1.5), None);
-}
-
-#[test]
-fn a_ping_before_the_servo_has_turned_hears_what_it_passes() {
-    // 60° in 0.6 s; ahead stands a post, to the left nothing.
-    let servo =
-        Mount { zero: Angle::ZERO, from_rad: -1.6, to_rad: 1.6, slew_s_per_rad: 0.6 / 60f64.to_radians() };
-    let world = world(Kind::Rover, 0.0, &[(3.0, 0.0, 1.0)], &[0.0]).with_mounts(Mounts::new(vec![servo]));
-    let mut outside = Outside::new(world);
-    let hears = |outside: &Outside, now_s: f64| match outside.ping(0, secs(now_s), 1).1 {
-        Later::Echo { echo, .. } => echo.range_m.is_some(),
-        Later::AirEnds { .. } | Later::Touch(_) => panic!("no echo"),
-    };
-    assert!(hears(&outside, 1.0), "it begins at its zero");
-    outside.steer(0, secs(1.0), Angle::from_degrees(90.0));
-    assert!(hears(&outside, 1.1) && !hears(&outside, 1.5) && !hears(&outside, 2.0));
 }
 
 #[test]

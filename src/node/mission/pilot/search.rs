@@ -163,7 +163,7 @@ impl Pilot {
         };
         let (nearest_m, here_m) = (route.distance_to(&claim), claim.distance_to_point(route.start()));
         let leads_away = nearest_m >= here_m - 1e-3 && claim.distance_to_point(route.end()) > here_m;
-        leads_away || nearest_m >= self.settings.safety.separation_m
+        leads_away || nearest_m >= self.settings.swarm.separation_m
     }
 
     /// Gives where to search: around start and goal, and for the way home in all of the fence, since what is known may
@@ -211,7 +211,7 @@ impl Pilot {
     /// Closes what lies too near to a peer's claim. Who stands too near already may leave: through the cells beside it
     /// to which a straight line does not lead any nearer.
     fn keep_from(&self, grid: &mut Grid, from: Point, claim: Segment) {
-        let (lattice, separation_m) = (self.settings.lattice, self.settings.safety.separation_m);
+        let (lattice, separation_m) = (self.settings.lattice, self.settings.swarm.separation_m);
         let keep_m = separation_m + lattice.cell_m();
         let here_m = claim.distance_to_point(from);
         if here_m > keep_m + lattice.cell_m() {

@@ -268,6 +268,32 @@ fn the_link_comes_back_when_the_world_does() {
     assert!(std::iter::from_fn(|| told.recv_timeout(Duration::from_millis(500)).ok()).count() < 1000);
 }
 
+fn transmit(sequence: u32) -> Effect {
+    let ToWorld::Transmit(frame) = beacon(ONE, sequence) else { panic!("a beacon") };
+    let Ok(Decoded::Message(Message::Beacon(beacon))) = codec::decode(&frame) else { panic!("a beacon") };
+    Effect::Transmit(beacon)
+}
+
+fn unsent(told: &Receiver<Event>) -> u32 {
+    let of = |event| if let Event::Unsent(sequence) = event { Some(sequence) } else { None };
+    std::iter::from_fn(|| told.recv_timeout(Duration::from_secs(2)).ok()).find_map(of).expect("it comes back")
+}
+
+#[test]
+fn a_beacon_that_was_not_sent_comes_back_from_a_busy_radio_and_from_a_link_that_is_down() {
+    let server = begin("127.0.0.1:0");
+    let (link, told) = link(server.address(), TOKEN);
+    wait_for_state(&link, |state| matches!(state, LinkState::Joined(_)));
+    // So many at once that the radio is still speaking at one of them.
+    (1..=50).for_each(|sequence| assert!(link.send(&transmit(sequence))));
+    assert!((2..=50).contains(&unsent(&told)));
+    drop(server);
+    wait_for_state(&link, |state| matches!(state, LinkState::Connecting(Some(_))));
+    told.try_iter().for_each(drop);
+    assert!(!link.send(&transmit(51)));
+    assert_eq!(unsent(&told), 51);
+}
+
 #[test]
 fn the_link_says_why_it_is_refused() {
     let server = begin("127.0.0.1:0");

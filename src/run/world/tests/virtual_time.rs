@@ -2,7 +2,7 @@
 
 use tomoswarm_proto::Boot;
 
-use super::super::live_world::{LiveWorld, Said};
+use super::super::live_world::{LiveWorld, VehicleWord};
 use super::*;
 use crate::geom::Angle;
 use crate::node::sensor::Ping;
@@ -22,7 +22,7 @@ fn joined() -> LiveWorld {
 }
 
 /// Lets the world go on to a moment, event by event as its thread does; gives what it says meanwhile.
-fn advance(world: &mut LiveWorld, to_s: f64) -> Vec<Said> {
+fn advance(world: &mut LiveWorld, to_s: f64) -> Vec<VehicleWord> {
     let (mut said, to) = (Vec::new(), Time::from_secs_f64(to_s));
     while world.next_at() <= to {
         world.advance(world.next_at(), &mut said);
@@ -31,20 +31,27 @@ fn advance(world: &mut LiveWorld, to_s: f64) -> Vec<Said> {
     said
 }
 
-fn telemetry(said: &[Said], index: usize) -> Vec<Telemetry> {
-    let of = |(to, word): &Said| match word {
+fn telemetry(said: &[VehicleWord], index: usize) -> Vec<Telemetry> {
+    let of = |(to, word): &VehicleWord| match word {
         FromWorld::Telemetry(telemetry) if *to == index => Some(*telemetry),
         _other => None,
     };
     said.iter().filter_map(of).collect()
 }
 
-fn ranges(said: &[Said]) -> Vec<(usize, Option<f64>)> {
-    let of = |(to, word): &Said| match word {
+fn ranges(said: &[VehicleWord]) -> Vec<(usize, Option<f64>)> {
+    let of = |(to, word): &VehicleWord| match word {
         FromWorld::Echo(echo) => Some((*to, echo.range_m)),
         _other => None,
     };
     said.iter().filter_map(of).collect()
+}
+
+/// A driver says something; gives what is said back at once.
+fn obey(world: &mut LiveWorld, index: usize, word: ToWorld) -> Vec<VehicleWord> {
+    let mut said = Vec::new();
+    world.obey(index, word, &mut said);
+    said
 }
 
 fn ping(number: u64) -> ToWorld {
@@ -77,7 +84,7 @@ fn a_world_that_stood_still_does_not_say_everything_at_once() {
 #[test]
 fn the_wall_is_as_far_as_it_is_and_a_busy_sensor_is_not_asked_twice() {
     let mut world = joined();
-    (1..=5).for_each(|number| world.obey(0, ping(number)));
+    (1..=5).for_each(|number| assert!(obey(&mut world, 0, ping(number)).is_empty()));
     let heard = ranges(&advance(&mut world, 0.5));
     let [(0, Some(range_m))] = heard[..] else { panic!("{heard:?}") };
     assert!((range_m - WALL_M).abs() < 0.05, "{range_m}");
@@ -87,12 +94,12 @@ fn the_wall_is_as_far_as_it_is_and_a_busy_sensor_is_not_asked_twice() {
 #[test]
 fn the_persons_are_seen_once_they_have_entered() {
     let mut world = joined();
-    world.obey(0, ToWorld::Steer(Angle::from_degrees(90.0)));
-    world.obey(0, ping(1));
+    obey(&mut world, 0, ToWorld::Steer(Angle::from_degrees(90.0)));
+    obey(&mut world, 0, ping(1));
     assert_eq!(ranges(&advance(&mut world, 0.5)), [(0, None)]);
     assert!(!world.status().entered);
     world.enter();
-    world.obey(0, ping(2));
+    obey(&mut world, 0, ping(2));
     let heard = ranges(&advance(&mut world, 1.0));
     let [(0, Some(range_m))] = heard[..] else { panic!("{heard:?}") };
     assert!((range_m - PERSON_M).abs() < 0.05, "{range_m}");
@@ -101,25 +108,25 @@ fn the_persons_are_seen_once_they_have_entered() {
 
 #[test]
 fn a_beacon_is_heard_after_its_airtime_and_two_at_once_are_lost() {
-    let heard = |said: &[Said]| -> Vec<(usize, i16)> {
-        let of = |(to, word): &Said| match word {
+    let heard = |said: &[VehicleWord]| -> Vec<(usize, i16)> {
+        let of = |(to, word): &VehicleWord| match word {
             FromWorld::Heard { rssi_dbm, .. } => Some((*to, *rssi_dbm)),
             _other => None,
         };
         said.iter().filter_map(of).collect()
     };
     let mut world = joined();
-    world.obey(0, beacon(ONE, 1));
-    world.obey(0, beacon(ONE, 2));
+    obey(&mut world, 0, beacon(ONE, 1));
+    assert_eq!(obey(&mut world, 0, beacon(ONE, 2)), [(0, FromWorld::Unsent(2))]);
     assert!(heard(&advance(&mut world, 0.003)).is_empty());
     let [(1, rssi_dbm)] = heard(&advance(&mut world, 0.01))[..] else { panic!("one beacon, one hearer") };
     assert!(HEARD_DBM.contains(&rssi_dbm), "{rssi_dbm} dBm");
     assert_eq!(world.status().dropped, 1, "it was speaking still");
-    world.obey(0, beacon(ONE, 3));
-    world.obey(1, beacon(TWO, 1));
+    obey(&mut world, 0, beacon(ONE, 3));
+    obey(&mut world, 1, beacon(TWO, 1));
     assert!(heard(&advance(&mut world, 0.1)).is_empty());
     assert_eq!(world.status().collided_beacons, 2);
-    world.obey(1, beacon(ONE, 4));
+    obey(&mut world, 1, beacon(ONE, 4));
     assert!(heard(&advance(&mut world, 0.2)).is_empty(), "nobody speaks in another's name");
 }
 
@@ -127,7 +134,7 @@ fn a_beacon_is_heard_after_its_airtime_and_two_at_once_are_lost() {
 fn an_autopilot_whose_companion_is_silent_brakes_and_stands() {
     for leaves in [false, true] {
         let mut world = joined();
-        world.obey(1, drive(5.0, 5.0));
+        obey(&mut world, 1, drive(5.0, 5.0));
         advance(&mut world, 1.0);
         if leaves {
             world.leave(1);
@@ -147,10 +154,10 @@ fn an_autopilot_whose_companion_is_silent_brakes_and_stands() {
 #[test]
 fn any_word_of_the_companion_keeps_it_driving() {
     let mut world = joined();
-    world.obey(1, drive(5.0, 5.0));
+    obey(&mut world, 1, drive(5.0, 5.0));
     for tenth in 1..40 {
         advance(&mut world, f64::from(tenth) * 0.1);
-        world.obey(1, ping(tenth as u64));
+        obey(&mut world, 1, ping(tenth as u64));
     }
     assert!(world.status().vehicles[1].speed_mps > 0.9);
 }
@@ -174,7 +181,7 @@ fn of_two_processes_the_later_one_drives() {
 #[test]
 fn who_comes_back_stands_where_it_stood() {
     let mut world = joined();
-    world.obey(1, drive(5.0, -1.0));
+    obey(&mut world, 1, drive(5.0, -1.0));
     advance(&mut world, 4.0);
     world.leave(1);
     advance(&mut world, 8.0);
@@ -186,7 +193,7 @@ fn who_comes_back_stands_where_it_stood() {
 #[test]
 fn the_referee_sees_a_contact_and_those_involved_stay() {
     let mut world = joined();
-    world.obey(0, drive(0.5, 5.0));
+    obey(&mut world, 0, drive(0.5, 5.0));
     let said = advance(&mut world, 3.0);
     assert_eq!(telemetry(&said, 0).last().unwrap().motion, Motion::Resting);
     let status = world.status();
@@ -195,7 +202,7 @@ fn the_referee_sees_a_contact_and_those_involved_stay() {
     assert_eq!((contact.vehicle, contact.with), (ONE, None));
     // The body's radius is 0.25 m.
     assert!((contact.place.x_m + 0.25).abs() < 0.01, "{contact:?}");
-    world.obey(0, drive(-3.0, 5.0));
+    obey(&mut world, 0, drive(-3.0, 5.0));
     advance(&mut world, 6.0);
     assert_eq!(world.status().vehicles[0].at, contact.place);
     assert_eq!(world.status().collision_count, 1);
@@ -205,13 +212,13 @@ fn the_referee_sees_a_contact_and_those_involved_stay() {
 fn a_contact_with_one_that_was_stopped_by_another_contact_is_foreseen() {
     let mut world = joined();
     // Vehicle 2 comes around the wall to the place where vehicle 1 will have stopped.
-    world.obey(0, drive(0.5, 5.0));
+    obey(&mut world, 0, drive(0.5, 5.0));
     advance(&mut world, 0.5);
     let corners = vec![Point::new(5.0, 2.0), Point::new(-0.25, 2.0), Point::new(-0.25, 9.0)];
-    world.obey(1, ToWorld::Fly(Fly::Drive { corners, speed_mps: 1.0 }));
+    obey(&mut world, 1, ToWorld::Fly(Fly::Drive { corners, speed_mps: 1.0 }));
     for second in 1..30 {
         advance(&mut world, f64::from(second));
-        world.obey(1, ping(second as u64));
+        obey(&mut world, 1, ping(second as u64));
     }
     let status = world.status();
     assert_eq!(status.collision_count, 2, "{:?}", status.collisions);
@@ -226,13 +233,13 @@ fn a_contact_with_one_that_was_stopped_by_another_contact_is_foreseen() {
 #[test]
 fn an_impossible_command_changes_nothing_and_hides_no_contact() {
     let mut world = joined();
-    world.obey(0, drive(0.5, 5.0));
+    obey(&mut world, 0, drive(0.5, 5.0));
     advance(&mut world, 0.2);
-    world.obey(0, drive(f64::NAN, 5.0));
-    world.obey(0, ToWorld::Fly(Fly::Turn(Angle::from_radians(f64::INFINITY))));
-    world.obey(0, ToWorld::Steer(Angle::from_radians(f64::NAN)));
-    world.obey(0, ToWorld::Transmit(vec![1, 2, 3]));
-    world.obey(0, ToWorld::Stop);
+    obey(&mut world, 0, drive(f64::NAN, 5.0));
+    obey(&mut world, 0, ToWorld::Fly(Fly::Turn(Angle::from_radians(f64::INFINITY))));
+    obey(&mut world, 0, ToWorld::Steer(Angle::from_radians(f64::NAN)));
+    obey(&mut world, 0, ToWorld::Transmit(vec![1, 2, 3]));
+    obey(&mut world, 0, ToWorld::Stop);
     advance(&mut world, 3.0);
     assert_eq!(world.status().collision_count, 1);
 }
@@ -241,9 +248,9 @@ fn an_impossible_command_changes_nothing_and_hides_no_contact() {
 fn a_flood_of_words_leaves_nothing_behind() {
     let mut world = joined();
     for number in 0..20_000 {
-        world.obey(0, drive(-1.5, 4.0 + f64::from(number % 7)));
-        world.obey(0, ping(u64::from(number as u32)));
-        world.obey(0, beacon(ONE, number as u32));
+        obey(&mut world, 0, drive(-1.5, 4.0 + f64::from(number % 7)));
+        obey(&mut world, 0, ping(u64::from(number as u32)));
+        obey(&mut world, 0, beacon(ONE, number as u32));
     }
     assert!(world.pending() < 20, "{} things are to happen", world.pending());
 }
@@ -251,7 +258,7 @@ fn a_flood_of_words_leaves_nothing_behind() {
 #[test]
 fn a_track_has_a_place_a_second_and_none_while_standing() {
     let mut world = joined();
-    world.obey(1, drive(5.0, -1.0));
+    obey(&mut world, 1, drive(5.0, -1.0));
     for second in 1..10 {
         advance(&mut world, f64::from(second));
     }

@@ -1,0 +1,56 @@
+//! The checks of [`crate::operator::preflight`] for a terminal: one table, or one JSON object. Pure.
+
+use serde_json::{Value, json};
+
+use super::table::table;
+use crate::operator::preflight::{Light, Node, is_go};
+
+/// Returns the checks as a table, what refuses in capitals; `columns` is how wide the terminal is, if there is one.
+pub fn text(nodes: &[Node], columns: Option<usize>) -> String {
+    let rows: Vec<Vec<String>> = nodes
+        .iter()
+        .flat_map(|node| node.checks.iter().map(|check| (&node.node, check)))
+        .map(|(node, check)| {
+            let light = match check.light {
+                Light::Go => "go",
+                Light::Unknown => "not known",
+                Light::NoGo => "NO-GO",
+            };
+            vec![node.clone(), check.what.to_owned(), light.to_owned(), check.found.clone()]
+        })
+        .collect();
+    let verdict = match (is_go(nodes), nodes.len()) {
+        (true, _) => "GO",
+        (false, 0 | 1) => "NO-GO: no vehicle was heard, and none was named",
+        (false, _) => "NO-GO",
+    };
+    format!("{}{verdict}\n", table(&["node", "check", "", "found"], &rows, columns))
+}
+
+/// Gives the checks as one object.
+pub fn json(nodes: &[Node]) -> Value {
+    json!({"go": is_go(nodes), "nodes": nodes})
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::operator::preflight::Check;
+
+    fn node(node: &str, light: Light) -> Node {
+        Node {
+            node: node.to_owned(),
+            checks: vec![Check { what: "bus", light, found: "so and so".to_owned() }],
+        }
+    }
+
+    #[test]
+    fn the_last_line_and_the_object_say_whether_all_is_go() {
+        for (light, is_go) in [(Light::Go, true), (Light::Unknown, true), (Light::NoGo, false)] {
+            let nodes = [node("vehicle 1", light), node("ground", Light::Go)];
+            assert_eq!(text(&nodes, None).ends_with("\nGO\n"), is_go, "{light:?}");
+            assert_eq!(json(&nodes)["go"], is_go, "{light:?}");
+        }
+        assert!(text(&[node("ground", Light::Go)], None).contains("no vehicle was heard"));
+    }
+}

@@ -1,0 +1,206 @@
+//! The fleet for a terminal: one table, or one JSON object. Pure; who is missing is judged by [`Expected`].
+
+use serde_json::{Value, json};
+use tomoswarm_proto::codec::VERSION;
+use tomoswarm_proto::{PoseReport, Progress, Report, State, StopId, VehicleId};
+
+use super::table::table;
+use crate::geom::Vector;
+use crate::operator::fleet_view::{FleetView, Fresh, VehicleView};
+use crate::operator::names::{kind_name, listed, mode, ordered, phase, troubles};
+use crate::operator::status::Expected;
+use crate::time::Time;
+
+const HEADING: [&str; 14] = [
+    "vehicle",
+    "boot",
+    "mode",
+    "x,y ± sd m",
+    "m/s",
+    "battery",
+    "run/rev",
+    "done",
+    "leg",
+    "ordered",
+    "age s",
+    "waiting",
+    "hears",
+    "troubles",
+];
+
+/// Returns the fleet as text: one line a vehicle, then the ground stations; `columns` is how wide the terminal is, if there
+/// is one.
+pub fn text(view: &FleetView, expected: &Expected, now: Time, columns: Option<usize>) -> String {
+    let nothing = VehicleView::default();
+    let vehicles = expected.vehicles(view, now);
+    let rows: Vec<Vec<String>> =
+        vehicles.iter().map(|id| row(*id, view.vehicle(*id).unwrap_or(&nothing), now)).collect();
+    let mut text =
+        if rows.is_empty() { "no vehicle was heard\n".to_owned() } else { table(&HEADING, &rows, columns) };
+    for report in view.grounds() {
+        text += &ground_lines(report, now);
+    }
+    if view.grounds().next().is_none() {
+        text += "ground  not heard\n";
+    }
+    for greeting in view.foreign() {
+        text += &format!(
+            "refused  {} speaks wire version {}, here it is {VERSION}\n",
+            greeting.node, greeting.version
+        );
+    }
+    text
+}
+
+fn row(id: VehicleId, seen: &VehicleView, now: Time) -> Vec<String> {
+    let Some(state) = &seen.state else {
+        return vec![id.to_string(), "-".to_owned(), "not heard".to_owned()];
+    };
+    let said = &state.value;
+    let dash = || "-".to_owned();
+    let of_progress = |stop: fn(&Progress) -> Option<StopId>| {
+        let stop = seen.mission.as_ref().and_then(|mission| stop(&mission.value.progress));
+        stop.map_or_else(dash, |stop| stop.to_string())
+    };
+    let health = seen.health.as_ref().map(|health| &health.value);
+    vec![
+        id.to_string(),
+        said.boot.0.to_string(),
+        mode(said.mode).to_owned(),
+        said.pose.map_or_else(dash, place),
+        format!("{:.2}", Vector::from(said.velocity).length_m()),
+        said.battery.map_or_else(dash, |battery| format!("{:.0} %", battery.fraction() * 100.0)),
+        format!("{}/{}", said.accepted.0, said.accepted.1),
+        of_progress(|progress| progress.done),
+        of_progress(|progress| progress.leg),
+        ordered(said.ordered),
+        format!("{:.1}", state.age(now).as_secs_f64()),
+        health.map_or_else(dash, |health| health.samples_waiting.to_string()),
+        health.map_or_else(dash, |health| listed(&health.hears)),
+        health.map_or_else(dash, |health| troubles(&health.troubles)),
+    ]
+}
+
+/// Returns a place with its deviation, as far as that is known.
+fn place(pose: PoseReport) -> String {
+    let sd = pose.sd.metres().map_or_else(|| "?".to_owned(), |sd_m| format!("{sd_m:.2}"));
+    format!("{:.2},{:.2} ± {sd}", pose.at.x_m(), pose.at.y_m())
+}
+
+fn ground_lines(report: &Fresh<Report>, now: Time) -> String {
+    let Report { phase: at, run, laps_done, laps, samples, lease, .. } = &report.value;
+    let held = match lease.number {
+        0 => "no lease".to_owned(),
+        number => format!("lease {number} ({:016x})", lease.holder),
+    };
+    let standing = report.value.in_force.map_or("nothing", kind_name);
+    format!(
+        "ground  {}: run {run}, lap {laps_done} of {laps}, {samples} samples, {held}, lost: {}, stands: {standing}, \
+         troubles: {} ({:.1} s ago)\n",
+        phase(*at),
+        listed(&report.value.lost),
+        troubles(&report.value.troubles),
+        report.age(now).as_secs_f64(),
+    )
+}
+
+/// Gives the fleet as one object.
+pub fn json(view: &FleetView, expected: &Expected, now: Time) -> Value {
+    let nothing = VehicleView::default();
+    let vehicle = |id: &VehicleId| {
+        let seen = view.vehicle(*id).unwrap_or(&nothing);
+        json!({
+            "vehicle": id,
+            "age_s": seen.state.as_ref().map(|state| state.age(now).as_secs_f64()),
+            "state": seen.state.as_ref().map(|state: &Fresh<State>| &state.value),
+            "mission": seen.mission.as_ref().map(|mission| &mission.value),
+            "health": seen.health.as_ref().map(|health| &health.value),
+            "hello": seen.hello.as_ref().map(|hello| &hello.value),
+        })
+    };
+    let vehicles = expected.vehicles(view, now);
+    let ground =
+        |report: &Fresh<Report>| json!({"age_s": report.age(now).as_secs_f64(), "report": report.value});
+    let foreign: Vec<Value> = view
+        .foreign()
+        .map(|greeting| json!({"node": greeting.node.prefix(), "wire_version": greeting.version}))
+        .collect();
+    json!({
+        "all_heard": expected.all_heard(view, now),
+        "missing": expected.missing(view, now),
+        "vehicles": vehicles.iter().map(vehicle).collect::<Vec<Value>>(),
+        "grounds": view.grounds().map(ground).collect::<Vec<Value>>(),
+        "refused": foreign,
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::operator::tests_support::{Rover, at, heard, report, state};
+    use tomoswarm_proto::{Health, Lease, Message, Mission, Mode, OrderKind, Revision, RunId, StationPhase};
+
+    fn view(messages: Vec<Message>) -> FleetView {
+        let mut view = FleetView::default();
+        messages.into_iter().for_each(|message| view.hear(at(1.0), &heard(message)));
+        view
+    }
+
+    fn expected(vehicles: &[u8]) -> Expected {
+        Expected { vehicles: vehicles.iter().map(|id| VehicleId(*id)).collect(), ground: true }
+    }
+
+    #[test]
+    fn a_vehicle_is_one_line_with_all_that_it_said() {
+        let mut driving = Rover::ordered(1, Lease { number: 4, holder: 9 }, 7, OrderKind::Start).state;
+        (driving.mode, driving.accepted) = (Mode::Driving, (RunId(6), Revision(2)));
+        let progress = Progress { done: Some(StopId(12)), leg: Some(StopId(13)), ..Progress::default() };
+        let (vehicle, boot) = (VehicleId(1), driving.boot);
+        let mission = Mission { vehicle, boot, progress, ..Mission::default() };
+        let health = Health {
+            vehicle: VehicleId(1),
+            boot: driving.boot,
+            hears: vec![VehicleId(2), VehicleId(3)],
+            samples_waiting: 55,
+            troubles: vec!["disk: full".to_owned()],
+            ..Health::default()
+        };
+        let view = view(vec![Message::State(driving), Message::Mission(mission), Message::Health(health)]);
+        let text = text(&view, &expected(&[]), at(1.3), None);
+        let line = text.lines().nth(1).unwrap();
+        let words: Vec<&str> = line.split_whitespace().collect();
+        assert_eq!(
+            words,
+            "1 1 driving 1.00,1.00 ± 0.05 0.00 90 % 6/2 12 13 start 4.7 0.3 55 2,3 disk: full"
+                .split_whitespace()
+                .collect::<Vec<&str>>()
+        );
+    }
+
+    #[test]
+    fn the_ground_says_what_it_does_and_by_which_right() {
+        let said = Report {
+            phase: StationPhase::Running,
+            run: RunId(6),
+            laps_done: 2,
+            laps: 5,
+            samples: 900,
+            lost: vec![VehicleId(3)],
+            in_force: Some(OrderKind::Hold),
+            ..report()
+        };
+        let text = text(&view(vec![Message::Report(said)]), &expected(&[]), at(1.0), None);
+        let line = "ground  running: run 6, lap 2 of 5, 900 samples, lease 4 (000000000000002c), lost: 3, stands: hold, \
+                    troubles: none (0.0 s ago)";
+        assert!(text.lines().any(|found| found == line), "{text}");
+    }
+
+    #[test]
+    fn as_json_every_field_of_the_messages_is_there() {
+        let value = json(&view(vec![Message::State(state(1))]), &expected(&[2]), at(1.5));
+        assert_eq!(value["all_heard"], false);
+        assert_eq!(value["vehicles"][0]["state"]["pose"]["sd"], 50);
+        assert_eq!(value["vehicles"][0]["age_s"], 0.5);
+        assert_eq!(value["vehicles"][1]["state"], Value::Null);
+    }
+}

@@ -1,0 +1,127 @@
+//! Values with a form of their own that several kinds of files have: names, texts, files, places. Each is read by the
+//! section and written as TOML; forms of one table only stand beside that table.
+
+use super::beside;
+use super::keys::{Form, number, quoted, written_list};
+use super::section::{COORDINATE_M, Section};
+use crate::geom::Point;
+use std::ops::RangeInclusive;
+
+/// A name that can be part of a file's name.
+pub(super) struct Name<'a> {
+    /// The name.
+    pub(super) name: &'a mut String,
+    /// What it is when it is left out.
+    pub(super) default: String,
+}
+
+impl Form for Name<'_> {
+    fn written(&self) -> Option<String> {
+        Some(quoted(self.name))
+    }
+
+    fn read(&mut self, section: &Section<'_>, key: &'static str) {
+        *self.name = section.name(key, &self.default);
+    }
+}
+
+/// A text that may be left out.
+pub(super) struct Text<'a>(pub(super) &'a mut Option<String>);
+
+impl Form for Text<'_> {
+    fn written(&self) -> Option<String> {
+        self.0.as_deref().map(quoted)
+    }
+
+    fn read(&mut self, section: &Section<'_>, key: &'static str) {
+        *self.0 = section.text(key);
+    }
+}
+
+/// A file or folder, named relative to the file in which it stands and kept with that one's folder before it.
+pub(super) struct FileName<'a> {
+    /// Its name.
+    pub(super) name: &'a mut Option<String>,
+    /// What is said when it is missing; `None` when it may be.
+    pub(super) needed: Option<&'static str>,
+}
+
+impl Form for FileName<'_> {
+    fn written(&self) -> Option<String> {
+        self.name.as_deref().map(quoted)
+    }
+
+    fn read(&mut self, section: &Section<'_>, key: &'static str) {
+        if let Some(rule) = self.needed {
+            section.require(key, rule);
+        }
+        let named = section.text(key);
+        *self.name = named.map(|named| beside(&section.source.file_of(&section.full(key)), &named));
+    }
+}
+
+/// A file that was loaded before the keys are read: its name is known already.
+pub(super) struct Loaded<'a>(pub(super) &'a str);
+
+impl Form for Loaded<'_> {
+    fn written(&self) -> Option<String> {
+        Some(quoted(self.0))
+    }
+
+    fn read(&mut self, _: &Section<'_>, _: &'static str) {}
+}
+
+/// A place that must be there.
+pub(super) struct Place<'a>(pub(super) &'a mut Point);
+
+impl Form for Place<'_> {
+    fn written(&self) -> Option<String> {
+        Some(place(self.0))
+    }
+
+    fn read(&mut self, section: &Section<'_>, key: &'static str) {
+        *self.0 = section.required_point(key);
+    }
+}
+
+/// A place that may be left out.
+pub(super) struct MaybePlace<'a>(pub(super) &'a mut Option<Point>);
+
+impl Form for MaybePlace<'_> {
+    fn written(&self) -> Option<String> {
+        self.0.as_ref().map(place)
+    }
+
+    fn read(&mut self, section: &Section<'_>, key: &'static str) {
+        let pair = section.optional_numbers(key, 2..=2, COORDINATE_M);
+        *self.0 = pair.map(|pair| Point::new(pair[0], pair[1]));
+    }
+}
+
+/// A list of places that must be there.
+pub(super) struct Places<'a> {
+    /// The places.
+    pub(super) places: &'a mut Vec<Point>,
+    /// How many there may be.
+    pub(super) count: RangeInclusive<usize>,
+}
+
+impl Form for Places<'_> {
+    fn written(&self) -> Option<String> {
+        Some(places(self.places))
+    }
+
+    fn read(&mut self, section: &Section<'_>, key: &'static str) {
+        *self.places = section.required_points(key, self.count.clone());
+    }
+}
+
+/// Returns a place as TOML.
+pub(super) fn place(point: &Point) -> String {
+    format!("[{}, {}]", number(point.x_m), number(point.y_m))
+}
+
+/// Returns a list of places as TOML.
+pub(super) fn places(points: &[Point]) -> String {
+    written_list(points.iter().map(place))
+}

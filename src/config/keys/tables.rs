@@ -1,0 +1,145 @@
+//! The tables of `configs/README.md`: every key with its default, what is allowed and what it means, as Markdown.
+
+use super::unit::unit;
+use super::writer::{list, number};
+use super::{
+    Bounds, Entry, Flag, Form, Keyed, Keys, MaybeTable, NamedTables, Number, Numbers, Rowed, Rows, Whole,
+    Word, Words,
+};
+
+const HEAD: &str = "| key | default | allowed | meaning |\n| --- | --- | --- | --- |\n";
+
+/// Rows of one table, and the tables within it.
+#[derive(Default)]
+pub(in crate::config) struct Tables {
+    prefix: String,
+    rows: Vec<String>,
+    inner: String,
+}
+
+impl Tables {
+    /// Returns the tables of a kind of file; what depends on a choice is shown by further values of the same kind.
+    pub(in crate::config) fn of(shown: &mut [&mut dyn Keyed]) -> String {
+        let mut tables = Tables::default();
+        for table in shown {
+            table.keys(&mut tables);
+        }
+        tables.text()
+    }
+
+    fn text(self) -> String {
+        match self.rows.is_empty() {
+            true => self.inner,
+            false => format!("{HEAD}{}\n{}", self.rows.concat(), self.inner),
+        }
+    }
+
+    fn row(&mut self, name: &str, default: &str, allowed: &str, means: &str) {
+        let unit = unit(name).map(|unit| format!(" {unit}")).unwrap_or_default();
+        let default = if default.is_empty() { "none" } else { default };
+        let row = format!("| `{name}` | {default} | {allowed}{unit} | {} |\n", means.replace('|', "\\|"));
+        // A key that two kinds of a table share is shown once.
+        if !self.rows.contains(&row) {
+            self.rows.push(row);
+        }
+    }
+
+    fn span(&mut self, name: &str, default: &str, (from, to): (String, String), means: &str) {
+        self.row(name, default, &format!("{from} to {to}"), means);
+    }
+
+    fn under(&mut self, name: &str, header: &str, key: (&str, &str), show: &mut dyn FnMut(&mut Tables)) {
+        let mut inner = Tables { prefix: format!("{name}."), ..Tables::default() };
+        show(&mut inner);
+        let (left_out, means) = key;
+        let left_out = if left_out.is_empty() { String::new() } else { format!(" ({left_out})") };
+        let inner = inner.text();
+        if inner.is_empty() {
+            return;
+        }
+        let text = format!("`{header}`{left_out}: {means}\n\n{inner}");
+        if !self.inner.contains(&text) {
+            self.inner += &text;
+        }
+    }
+}
+
+/// Returns a number as a person writes it.
+fn short(value: f64) -> String {
+    if value.abs() >= 1e7 { format!("{value:e}") } else { value.to_string() }
+}
+
+impl Keys for Tables {
+    fn number(&mut self, _: &mut f64, key: Number) {
+        let span = (short(*key.allowed.start()), short(*key.allowed.end()));
+        self.span(key.name, &short(key.default), span, key.means);
+    }
+
+    fn maybe_number(&mut self, _: &mut Option<f64>, key: Bounds<f64>) {
+        let span = (short(*key.allowed.start()), short(*key.allowed.end()));
+        self.span(key.name, key.left_out, span, key.means);
+    }
+
+    fn needed_number(&mut self, _: &mut f64, key: Bounds<f64>) {
+        let span = (short(*key.allowed.start()), short(*key.allowed.end()));
+        self.span(key.name, key.left_out, span, key.means);
+    }
+
+    fn whole(&mut self, _: &mut usize, key: Whole) {
+        let span = (key.allowed.start().to_string(), key.allowed.end().to_string());
+        self.span(key.name, &key.default.to_string(), span, key.means);
+    }
+
+    fn maybe_whole(&mut self, _: &mut Option<usize>, key: Bounds<usize>) {
+        let span = (key.allowed.start().to_string(), key.allowed.end().to_string());
+        self.span(key.name, key.left_out, span, key.means);
+    }
+
+    fn flag(&mut self, _: &mut bool, key: Flag) {
+        self.row(key.name, &key.default.to_string(), "true, false", key.means);
+    }
+
+    fn word(&mut self, value: &mut dyn Word, key: Words) {
+        let default = if key.default.is_empty() { "needed" } else { key.default };
+        self.row(key.name, default, &value.words().join(", "), key.means);
+    }
+
+    fn numbers(&mut self, _: &mut Vec<f64>, key: Numbers) {
+        let (from, to) = (key.count.start(), key.count.end());
+        let count = if from == to { from.to_string() } else { format!("{from} to {to}") };
+        let (least, most) = (short(*key.allowed.start()), short(*key.allowed.end()));
+        let default = list(key.default.iter().map(|entry| number(*entry)));
+        self.row(key.name, &default, &format!("{count} numbers, {least} to {most}"), key.means);
+    }
+
+    fn form(&mut self, _: &mut dyn Form, key: Entry) {
+        self.row(key.name, key.left_out, "", key.means);
+    }
+
+    fn moved(&mut self, _: &'static str, _: &'static str) {}
+
+    fn table(&mut self, value: &mut dyn Keyed, key: Entry) {
+        let name = format!("{}{}", self.prefix, key.name);
+        let about = (key.left_out, key.means);
+        self.under(&name, &format!("[{name}]"), about, &mut |inner| value.keys(inner));
+    }
+
+    fn maybe_table(&mut self, value: &mut dyn MaybeTable, key: Entry) {
+        self.table(value.fill(), key);
+    }
+
+    fn rows(&mut self, value: &mut dyn Rows, key: Rowed) {
+        let name = format!("{}{}", self.prefix, key.name);
+        let about = format!("up to {}", key.most);
+        let index = value.count();
+        value.add();
+        self.under(&name, &format!("[[{name}]]"), (&about, key.means), &mut |inner| value.row(index, inner));
+    }
+
+    fn named_tables(&mut self, value: &mut dyn NamedTables, key: Entry) {
+        let (left_out, means) = (key.left_out, key.means);
+        let name = format!("{}{}.NAME", self.prefix, key.name);
+        let table = value.named("NAME");
+        self.under(&name, &format!("[{name}]"), (left_out, means), &mut |inner| table.keys(inner));
+    }
+}

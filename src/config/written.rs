@@ -1,0 +1,42 @@
+//! What is made of the declared keys besides reading: a configuration as text, and the tables of the documentation.
+
+use super::keys::{Keyed, Tables, Writer};
+use super::sim::{Sim, SimTable};
+use super::task::Mission;
+use super::vehicle::SWARM;
+use super::{Config, GroundFile, OperatorFile, SceneFile, Up, VehicleFile, Venue};
+
+/// Returns a configuration as TOML: every key with its value, defaults included, and with unit and meaning as a comment.
+///
+/// Read back under a name without a folder it means the same: files are named as they were opened.
+pub fn written(config: &Config) -> String {
+    match config {
+        Config::Venue(venue) => Writer::file("venue", &mut venue.clone()),
+        Config::Scene(scene) => Writer::file("scene", &mut scene.clone()),
+        Config::Sim(sim) => Writer::file("sim", &mut sim_table(&mut sim.clone())),
+        Config::Vehicle(file) => Writer::file("vehicle", &mut *file.clone()),
+        Config::Ground(file) => Writer::file("ground", &mut *file.clone()),
+        Config::Operator(file) => Writer::file("operator", &mut *file.clone()),
+        Config::Experiment(experiment) => experiment.text().to_owned(),
+    }
+}
+
+fn sim_table(sim: &mut Sim) -> SimTable<'_> {
+    SimTable { sim, allowed: &SWARM, asked: None }
+}
+
+/// Returns the tables of all keys, as Markdown, by the kind of file; those of an experiment are described by hand.
+pub fn key_tables() -> Vec<(&'static str, String)> {
+    let mut missions = Mission::each();
+    // A key of any kind of mission is a key of `[mission]`.
+    let mut each: Vec<&mut dyn Keyed> = missions.iter_mut().map(|kind| kind as &mut dyn Keyed).collect();
+    vec![
+        ("venue", Tables::of(&mut [&mut Venue::blank()])),
+        ("scene", Tables::of(&mut [&mut SceneFile::of_shapes(Up::Y)])),
+        ("sim", Tables::of(&mut [&mut sim_table(&mut Sim::blank())])),
+        ("mission", Tables::of(&mut each)),
+        ("vehicle", Tables::of(&mut [&mut VehicleFile::blank()])),
+        ("ground", Tables::of(&mut [&mut GroundFile::blank()])),
+        ("operator", Tables::of(&mut [&mut OperatorFile::blank()])),
+    ]
+}

@@ -1,0 +1,206 @@
+//! What is wanted of a vehicle, by its operator or by itself, as one state: each carries what belongs to it alone.
+//!
+//! ```text
+//!                  Start                     Hold, Emergency; battery empty, or nobody heard
+//!   Waiting ───────────► Following ◄──────────────────────────────────────────► Held
+//!                           │ Return; bus lost, battery low      Start            │ Return
+//!                           ▼                                                     ▼
+//!                       Returning: InQueue (lower ids first) ◄─► UnderWay ─► Home, at rest
+//! ```
+//!
+//! What leads from one to another is decided in `mod` (orders), `autonomy` (what nobody has ordered) and `returning`.
+
+use serde::{Deserialize, Serialize};
+
+use super::{Cause, MissionStatus};
+use crate::time::Time;
+
+/// What is wanted of a vehicle.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize)]
+pub(super) enum Goal {
+    /// Nothing yet.
+    Waiting,
+    /// It is out for its mission: the ground's plan, or one of its own.
+    Following,
+    /// It stands.
+    Held(By),
+    /// It goes home.
+    Returning(Return),
+    /// It came home.
+    Home(By),
+}
+
+/// Who wants it.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize)]
+pub(super) enum By {
+    /// An operator.
+    Order,
+    /// The vehicle itself, and why.
+    Itself(Cause),
+}
+
+/// A return, and how it gets on.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize)]
+pub(super) struct Return {
+    /// Who wants it.
+    pub by: By,
+    /// Tries in vain.
+    pub tries: u32,
+    /// How far it is.
+    pub stage: ReturnStage,
+}
+
+/// Vehicles return one after the other.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize)]
+pub(super) enum ReturnStage {
+    /// It lets others go first.
+    InQueue(ReturnQueue),
+    /// It drives.
+    UnderWay {
+        /// When it went, if it may go through the unknown and others may free a known way.
+        bold_since: Option<Time>,
+        /// It does not wait for others to free its way: they follow their plans, or its battery is low.
+        presses_on: bool,
+    },
+}
+
+/// A vehicle's place in the queue of those that return.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize)]
+pub(super) struct ReturnQueue {
+    /// Since when it waits.
+    pub since: Time,
+    /// Not before this is the way home judged again.
+    pub try_at: Time,
+    /// Since when its peers bar its way.
+    pub barred_since: Option<Time>,
+    /// It has let others have their turn before it.
+    pub has_stepped_back: bool,
+}
+
+impl Goal {
+    /// Returns the goal of a vehicle that is to return from now on.
+    pub fn go_home(now: Time, by: By) -> Goal {
+        let queue =
+            ReturnQueue { since: now, try_at: Time::ZERO, barred_since: None, has_stepped_back: false };
+        Goal::Returning(Return { by, tries: 0, stage: ReturnStage::InQueue(queue) })
+    }
+
+    /// Returns why the vehicle does something that nobody has ordered.
+    pub fn cause(&self) -> Option<Cause> {
+        let by = match self {
+            Goal::Waiting | Goal::Following => return None,
+            Goal::Held(by) | Goal::Home(by) => by,
+            Goal::Returning(home) => &home.by,
+        };
+        match by {
+            By::Order => None,
+            By::Itself(cause) => Some(*cause),
+        }
+    }
+
+    /// Returns whether the vehicle drives, or is about to.
+    pub fn is_under_way(&self) -> bool {
+        match self {
+            Goal::Following | Goal::Returning(_) => true,
+            Goal::Waiting | Goal::Held(_) | Goal::Home(_) => false,
+        }
+    }
+
+    /// Returns whether the vehicle drives home.
+    pub fn drives_home(&self) -> bool {
+        match self {
+            Goal::Returning(home) => home.is_under_way(),
+            Goal::Waiting | Goal::Following | Goal::Held(_) | Goal::Home(_) => false,
+        }
+    }
+
+    /// Returns what the vehicle does, as a whole.
+    pub fn status(&self) -> MissionStatus {
+        match self {
+            Goal::Waiting => MissionStatus::Waiting,
+            Goal::Following => MissionStatus::Following,
+            Goal::Held(_) => MissionStatus::Held,
+            Goal::Returning(_) => MissionStatus::Returning,
+            Goal::Home(_) => MissionStatus::Home,
+        }
+    }
+}
+
+impl Return {
+    /// Returns whether it drives.
+    pub fn is_under_way(&self) -> bool {
+        matches!(self.stage, ReturnStage::UnderWay { .. })
+    }
+
+    /// Returns the same return now that others have their turn; the way home is judged again at `try_at`.
+    pub fn stepped_back(self, now: Time, try_at: Time) -> Return {
+        let barred_since = match self.stage {
+            ReturnStage::InQueue(queue) => queue.barred_since,
+            ReturnStage::UnderWay { .. } => None,
+        };
+        let queue = ReturnQueue { since: now, try_at, barred_since, has_stepped_back: true };
+        Return { stage: ReturnStage::InQueue(queue), ..self }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn at(time_s: f64) -> Time {
+        Time::from_secs_f64(time_s)
+    }
+
+    /// The name of a variant, as it is written.
+    fn name(variant: &impl std::fmt::Debug) -> String {
+        format!("{variant:?}").chars().take_while(|letter| letter.is_alphanumeric()).collect()
+    }
+
+    #[test]
+    fn the_drawing_shows_the_goals_and_nothing_else() {
+        let drawing: Vec<&str> =
+            include_str!("goal.rs").lines().skip_while(|line| !line.contains("```text")).collect();
+        let end = drawing.iter().skip(1).position(|line| line.contains("```")).unwrap();
+        let drawing = drawing[1..=end].join("\n");
+        let Goal::Returning(home) = Goal::go_home(at(1.0), By::Order) else { panic!("it returns") };
+        let drives = ReturnStage::UnderWay { bold_since: None, presses_on: false };
+        let goals = [Goal::Waiting, Goal::Following, Goal::Held(By::Order), Goal::Returning(home)];
+        let names = goals.iter().chain([&Goal::Home(By::Order)]).map(name);
+        for name in names.chain([name(&home.stage), name(&drives)]) {
+            assert_eq!(drawing.matches(&name).count(), 1, "{name} in {drawing}");
+        }
+    }
+
+    #[test]
+    fn only_what_a_vehicle_decides_has_a_cause() {
+        let low = By::Itself(Cause::BatteryLow);
+        assert_eq!(Goal::go_home(at(1.0), low).cause(), Some(Cause::BatteryLow));
+        assert_eq!(Goal::Held(low).cause(), Some(Cause::BatteryLow));
+        for goal in [Goal::Waiting, Goal::Following, Goal::Home(By::Order), Goal::go_home(at(1.0), By::Order)]
+        {
+            assert_eq!(goal.cause(), None, "{goal:?}");
+        }
+    }
+
+    #[test]
+    fn who_steps_back_keeps_who_wants_it_and_its_tries() {
+        let Goal::Returning(home) = Goal::go_home(at(1.0), By::Order) else { panic!("it returns") };
+        let stage = ReturnStage::UnderWay { bold_since: Some(at(2.0)), presses_on: true };
+        let back = Return { tries: 3, stage, ..home }.stepped_back(at(5.0), at(8.0));
+        assert_eq!((back.by, back.tries, back.is_under_way()), (By::Order, 3, false));
+        let ReturnStage::InQueue(queue) = back.stage else { panic!("{back:?}") };
+        assert!(queue.has_stepped_back && queue.barred_since.is_none());
+        assert_eq!((queue.since, queue.try_at), (at(5.0), at(8.0)));
+    }
+
+    #[test]
+    fn who_waits_behind_peers_does_not_forget_since_when() {
+        let Goal::Returning(mut home) = Goal::go_home(at(1.0), By::Order) else { panic!("it returns") };
+        if let ReturnStage::InQueue(queue) = &mut home.stage {
+            queue.barred_since = Some(at(4.0));
+        }
+        let back = home.stepped_back(at(5.0), at(8.0)).stepped_back(at(9.0), at(12.0));
+        let ReturnStage::InQueue(queue) = back.stage else { panic!("{back:?}") };
+        assert_eq!(queue.barred_since, Some(at(4.0)));
+    }
+}

@@ -1,0 +1,197 @@
+//! What a vehicle may be out for when the ground station does not plan for it: one type and one file per kind of mission.
+//! Each is told what is seen and says the next step. How a step is carried out, how room is made for peers and how the
+//! vehicle goes home is the same for all kinds: see `runner`.
+//!
+//! Adding a kind: its file here, its declaration in `config`, and its line in the lists below.
+//!
+//! Deliberately absent: commands. A kind neither drives nor waits by itself, and knows of no order.
+
+mod browse;
+mod pathfind;
+mod seek;
+mod straight;
+
+use serde::{Deserialize, Serialize};
+use tomoswarm_proto::TileAddress;
+
+use self::browse::Browse;
+use self::pathfind::Pathfind;
+use self::seek::{Preference, Seek};
+use self::straight::Straight;
+use super::End;
+use super::pilot::Pilot;
+use crate::geom::{Angle, Cell, Point, Pose};
+use crate::node::peers::Peers;
+use crate::node::{Settings, Task};
+use crate::time::Time;
+
+/// What a mission is told.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub enum Seen {
+    /// Nothing is being done: the last step is over, or was interrupted.
+    Ready,
+    /// It is under way to where it said; told about once a second.
+    UnderWay,
+    /// It is where it said to go.
+    Arrived,
+    /// Something is in the way, there; the vehicle stands before it.
+    Blocked(Point),
+    /// A look is over.
+    Looked {
+        /// From where it looked.
+        from: Point,
+        /// The heading that the look began with.
+        toward: Angle,
+        /// At what, unless it looked all around.
+        at: Option<Cell>,
+    },
+}
+
+/// What a mission wants done next.
+#[derive(Clone, PartialEq, Debug)]
+pub enum Step {
+    /// What is being done goes on.
+    GoOn,
+    /// Nothing yet: it says a step when it has thought.
+    Think,
+    /// Go straight to a place of the mission.
+    GoStraight(Point),
+    /// Go to a place of the mission on a path around what is seen; what is unknown may be crossed. A place to which no
+    /// way leads is passed over, see [`MissionKind::pass_over`].
+    GoTo(Point),
+    /// Go along a course, to where something can be looked at.
+    GoAlong(Course),
+    /// Look all around.
+    LookAround,
+    /// Look at one cell.
+    LookAt(Cell),
+    /// Something was in the way: wait, longer every time, and be ready then.
+    TryAgain,
+    /// Only peers are in the way: make room, or wait until they do, and be ready then.
+    YieldToPeers,
+    /// The mission has ended: go home.
+    End(End),
+}
+
+/// A way to drive as it is.
+#[derive(Clone, PartialEq, Debug)]
+pub struct Course {
+    /// Its corners after where the vehicle is.
+    pub corners: Vec<Point>,
+    /// It leads over places that count as open only since the vehicle has driven there.
+    pub is_narrow: bool,
+}
+
+/// Why a place of a mission is passed over.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub enum PassedOver {
+    /// No way leads there: all that can be reached was searched.
+    NoWay,
+    /// Something was in the way too often, although a way may lead there.
+    GivenUp,
+}
+
+/// What a mission may look at when it decides.
+pub struct Surroundings<'a> {
+    /// Now.
+    pub now: Time,
+    /// Where the vehicle is.
+    pub pose: Pose,
+    /// What is known of the world, and where the vehicle may be in it.
+    pub pilot: &'a Pilot,
+    /// The others.
+    pub peers: &'a Peers,
+}
+
+impl Surroundings<'_> {
+    /// Returns what peers claim, whether they move or not.
+    pub fn claims(&self) -> Vec<Vec<Point>> {
+        self.peers.iter().map(|(_, peer)| peer.claim.clone()).collect()
+    }
+}
+
+/// A kind of mission: told what is seen, it says the next step. Every mission ends: a look is counted, a wait has a limit.
+pub trait MissionKind {
+    /// Returns the next step.
+    fn next(&mut self, seen: Seen, around: &Surroundings<'_>) -> Step;
+
+    /// Returns how the mission ends now that its peers have not made room for very long.
+    fn give_up(&self) -> End;
+
+    /// Takes that the place to which it wanted to go is passed over.
+    fn pass_over(&mut self, _why: PassedOver) {}
+
+    /// Takes that a tile of the map has changed.
+    fn tile_changed(&mut self, _address: TileAddress) {}
+
+    /// Takes where the peers are, before anything else is decided.
+    fn watch_peers(&mut self, _around: &Surroundings<'_>) {}
+}
+
+/// The list of all kinds.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub enum Kind {
+    /// Straight legs.
+    Straight(Straight),
+    /// A look around.
+    Browse(Browse),
+    /// Visits on paths around what is seen.
+    Pathfind(Pathfind),
+    /// A search, or an exploration.
+    Seek(Box<Seek>),
+}
+
+impl Kind {
+    /// Makes the mission of a task; `None` when the ground station plans.
+    pub fn of(settings: &Settings) -> Option<Kind> {
+        Some(match &settings.task {
+            Task::Plan => return None,
+            Task::Legs(places) => Kind::Straight(Straight::along(places)),
+            Task::Forward(distance_m) => Kind::Straight(Straight::ahead(*distance_m)),
+            Task::Browse => Kind::Browse(Browse::default()),
+            Task::Pathfind(places) => Kind::Pathfind(Pathfind::to(places)),
+            Task::Search => Kind::Seek(Box::new(Seek::new(settings, Preference::NearObjects))),
+            Task::Explore => Kind::Seek(Box::new(Seek::new(settings, Preference::FarFromPeers))),
+        })
+    }
+
+    /// Returns how many places are still to be visited; a search has no list of places.
+    pub fn places_left(&self) -> usize {
+        match self {
+            Kind::Straight(straight) => straight.places_left(),
+            Kind::Pathfind(pathfind) => pathfind.places_left(),
+            Kind::Browse(_) | Kind::Seek(_) => 0,
+        }
+    }
+
+    /// Returns the mission, of whatever kind.
+    pub fn mission(&mut self) -> &mut dyn MissionKind {
+        match self {
+            Kind::Straight(straight) => straight,
+            Kind::Browse(browse) => browse,
+            Kind::Pathfind(pathfind) => pathfind,
+            Kind::Seek(seek) => seek.as_mut(),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests_support {
+    //! A mission alone, without a vehicle that carries out what it says.
+
+    use super::*;
+    use crate::node::tests_support::settings;
+
+    /// Tells a mission of a vehicle at a place, facing along x, that knows nothing of the world; gives the next step.
+    pub fn step(mission: &mut dyn MissionKind, seen: Seen, at: (f64, f64)) -> Step {
+        let settings = settings(1);
+        let peers = Peers::new(settings.vehicle);
+        let pilot = Pilot::new(settings);
+        let pose = Pose { at: Point::new(at.0, at.1), heading: Angle::default(), sd_m: 0.05 };
+        mission.next(seen, &Surroundings { now: Time::ZERO, pose, pilot: &pilot, peers: &peers })
+    }
+
+    /// The end of a look all around.
+    pub const LOOKED: Seen =
+        Seen::Looked { from: Point { x_m: 0.0, y_m: 0.0 }, toward: Angle::ZERO, at: None };
+}

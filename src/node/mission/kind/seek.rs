@@ -1,0 +1,313 @@
+//! Search and exploration: it looks from place to place at everything unknown that lies beside known free ground, the
+//! nearest first. (Frontier-based exploration, Yamauchi 1997; what is near a peer is left to it.)
+//!
+//! ```text
+//!   Fresh ─looked around─► Choosing ─a place to look from─► Going ─arrived, or seen on the way─► Choosing
+//! ```
+//!
+//! Only ground known to be free is driven over; what stays unknown after some looks, each from nearer by, is left.
+//! Deliberately absent: claims of goals on the wire. Who goes where is judged by the peers' places and ways.
+
+mod looks;
+mod sights;
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use serde::{Deserialize, Serialize};
+use tomoswarm_proto::{TileAddress, VehicleId};
+
+use self::looks::Looks;
+use self::sights::{Candidate, Ground, Reach, Sight, sees};
+use super::{Course, MissionKind, Seen, Step, Surroundings};
+use crate::geom::{Angle, Cell, Point};
+use crate::map::{CellRect, Occupancy, View};
+use crate::node::Settings;
+use crate::node::mission::pilot::{Pilot, RULES};
+use crate::node::mission::{End, look_around};
+use crate::plan::{Distances, Frontiers, Grid};
+use crate::time::Time;
+
+/// The vehicle goes this much nearer to what it looks at than it must keep from it, metres; when it cannot, it looks
+/// from as near as it can.
+const NEARER_M: f64 = 0.5;
+/// A frontier shorter than this is not worth a look, metres.
+const FRONTIER_M: f64 = 0.6;
+/// What is this near to an object is searched first, metres.
+const NEAR_OBJECT_M: f64 = 1.5;
+/// By so much farther ways a search goes to what is near to objects, metres.
+const OBJECT_BONUS_M: f64 = 8.0;
+/// What a peer is going to see is looked at only when nothing else is left, metres.
+const PEER_PENALTY_M: f64 = 1e4;
+/// A peer that is nearer to something than this share of the own way there gets it.
+const PEER_SHARE: f64 = 0.9;
+/// What is farther than this from where a peer is going is not left to it, metres.
+const PEER_M: f64 = 12.0;
+/// A peer that has not moved for so long is not going anywhere.
+const PEER_GOES: std::time::Duration = std::time::Duration::from_secs(30);
+
+/// What is rather looked at.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize)]
+pub enum Preference {
+    /// What is near to objects: a search.
+    NearObjects,
+    /// What no peer is going to see anyway; what peers look at counts as looked at: an exploration.
+    FarFromPeers,
+}
+
+/// How far it is with the look that comes next.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize)]
+enum Stage {
+    /// It has not looked around where it begins.
+    Fresh,
+    Choosing,
+    /// On its way to where this cell can be seen.
+    Going(Cell),
+}
+
+/// A search or an exploration.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct Seek {
+    settings: Settings,
+    prefers: Preference,
+    stage: Stage,
+    looks: Looks,
+    /// Where known free ground ends; made anew when it is lost.
+    #[serde(skip)]
+    frontiers: Option<Frontiers>,
+    /// Tiles that have changed since the frontiers were kept.
+    #[serde(skip)]
+    changed: BTreeSet<TileAddress>,
+    /// When each peer last came to rest, as far as its look from there is noted.
+    peers_looked: BTreeMap<VehicleId, Time>,
+}
+
+impl MissionKind for Seek {
+    fn next(&mut self, seen: Seen, around: &Surroundings<'_>) -> Step {
+        match (seen, self.stage) {
+            (Seen::Ready, Stage::Fresh) => {
+                self.stage = Stage::Choosing;
+                Step::LookAround
+            }
+            (Seen::Ready, Stage::Choosing | Stage::Going(_)) => self.choose(around),
+            (Seen::UnderWay, Stage::Going(cell)) if !self.is_frontier(around.pilot, cell) => {
+                self.choose(around)
+            }
+            (Seen::UnderWay, Stage::Fresh | Stage::Choosing | Stage::Going(_)) => Step::GoOn,
+            (Seen::Arrived, Stage::Going(cell)) => Step::LookAt(cell),
+            (Seen::Arrived, Stage::Fresh | Stage::Choosing) => Step::Think,
+            (Seen::Blocked(_), Stage::Going(cell)) => {
+                self.looks.note(&[cell], around.pose.at);
+                Step::TryAgain
+            }
+            (Seen::Blocked(_), Stage::Fresh | Stage::Choosing) => Step::TryAgain,
+            (Seen::Looked { from, toward, at }, Stage::Fresh | Stage::Choosing | Stage::Going(_)) => {
+                if at.is_some() {
+                    self.note_look(around.pilot, from, toward, at);
+                }
+                Step::Think
+            }
+        }
+    }
+
+    fn give_up(&self) -> End {
+        End::NoRoom
+    }
+
+    fn tile_changed(&mut self, address: TileAddress) {
+        if self.frontiers.is_some() {
+            self.changed.insert(address);
+        }
+    }
+
+    /// Notes what peers look at, so that it is not looked at by all of them in vain.
+    fn watch_peers(&mut self, around: &Surroundings<'_>) {
+        if self.prefers != Preference::FarFromPeers {
+            return;
+        }
+        let dwell = look_around::dwell(&self.settings.look);
+        for (id, peer) in around.peers.iter() {
+            let has_looked = peer.resting && around.now.since(peer.moved_at) >= dwell;
+            if has_looked && self.peers_looked.get(&id) != Some(&peer.moved_at) {
+                self.peers_looked.insert(id, peer.moved_at);
+                self.note_look(around.pilot, peer.at, peer.heading, None);
+            }
+        }
+    }
+}
+
+impl Seek {
+    /// Makes a mission that has seen nothing.
+    pub fn new(settings: &Settings, prefers: Preference) -> Seek {
+        Seek {
+            settings: settings.clone(),
+            prefers,
+            stage: Stage::Fresh,
+            looks: Looks::new(settings.lattice),
+            frontiers: None,
+            changed: BTreeSet::new(),
+            peers_looked: BTreeMap::new(),
+        }
+    }
+
+    /// Chooses the next look, or ends.
+    fn choose(&mut self, around: &Surroundings<'_>) -> Step {
+        self.stage = Stage::Choosing;
+        let Some(mut grid) = ground(around, &around.claims()) else { return Step::End(End::TooLarge) };
+        self.keep_frontiers(around.pilot);
+        let candidates = self.rated(around, grid.area());
+        for is_narrow in [false, true] {
+            if is_narrow {
+                grid.open_along(around.pilot.driven());
+            }
+            if let Some((sight, reached)) = self.choose_sight(around, &grid, &candidates) {
+                return self.go_and_look(around, &grid, &reached, is_narrow, sight);
+            }
+        }
+        if self.is_barred_by_peers(around) { Step::YieldToPeers } else { Step::End(End::Done) }
+    }
+
+    /// Returns where to look from and at what, and the ways to all places.
+    fn choose_sight(
+        &self,
+        around: &Surroundings<'_>,
+        grid: &Grid,
+        candidates: &[Candidate],
+    ) -> Option<(Sight, Distances)> {
+        let (at, lattice) = (around.pose.at, self.settings.lattice);
+        let reached = Distances::from_start(grid, lattice.cell_at(at), &RULES).ok()?;
+        let view = around.pilot.map().view(self.settings.slice, grid.area());
+        let known = Ground { lattice, view: &view, grid, reached: &reached, looks: &self.looks };
+        let sight = known.best_sight(at, candidates, self.reach(around.pilot.keep_m(around.pose)))?;
+        Some((sight, reached))
+    }
+
+    fn go_and_look(
+        &mut self,
+        around: &Surroundings<'_>,
+        grid: &Grid,
+        reached: &Distances,
+        is_narrow: bool,
+        sight: Sight,
+    ) -> Step {
+        let (from, lattice) = (around.pose.at, self.settings.lattice);
+        if sight.from == lattice.cell_at(from) {
+            return Step::LookAt(sight.at);
+        }
+        let to = lattice.centre(sight.from);
+        let Some(route) = reached.route_to(grid, from, to) else {
+            self.looks.note(&[sight.at], to);
+            return Step::Think;
+        };
+        self.stage = Stage::Going(sight.at);
+        Step::GoAlong(Course { corners: route.points[1..].to_vec(), is_narrow })
+    }
+
+    /// Returns whether without peers there would be something to look at.
+    fn is_barred_by_peers(&self, around: &Surroundings<'_>) -> bool {
+        if around.peers.iter().next().is_none() {
+            return false;
+        }
+        let Some(mut grid) = ground(around, &[]) else { return false };
+        grid.open_along(around.pilot.driven());
+        self.choose_sight(around, &grid, &self.candidates()).is_some()
+    }
+
+    /// Returns from how far away to look: nothing is looked at from where it is not surely seen.
+    fn reach(&self, keep_m: f64) -> Reach {
+        let far_m = self.settings.look.sure_range_m;
+        Reach { near_m: (keep_m + NEARER_M).min(far_m), far_m }
+    }
+
+    /// Returns all frontier cells that are worth another look.
+    fn candidates(&self) -> Vec<Candidate> {
+        let lattice = self.settings.lattice;
+        let least = (FRONTIER_M / lattice.cell_m()).round().max(1.0) as usize;
+        let clusters = self.frontiers.iter().flat_map(Frontiers::clusters);
+        let cells = clusters.filter(|cluster| cluster.size() >= least).flat_map(|cluster| cluster.cells);
+        cells
+            .filter(|cell| !self.looks.is_spent(*cell))
+            .map(|cell| Candidate { cell, at: lattice.centre(cell), penalty_m: 0.0 })
+            .collect()
+    }
+
+    /// Brings the frontiers up to date.
+    fn keep_frontiers(&mut self, pilot: &Pilot) {
+        let (slice, lattice) = (self.settings.slice, self.settings.lattice);
+        let map = pilot.map();
+        if let Some(frontiers) = &mut self.frontiers {
+            for address in std::mem::take(&mut self.changed) {
+                frontiers.update(map, CellRect::of_tile(address));
+            }
+            return;
+        }
+        let Some(area) = CellRect::around(lattice, self.settings.fence.corners(), 0.0) else { return };
+        let inside = |at: Point| self.settings.fence.contains(at);
+        let Ok(mut frontiers) = Frontiers::new(lattice, slice, area, inside) else { return };
+        frontiers.update(map, area);
+        self.frontiers = Some(frontiers);
+    }
+
+    /// Returns whether a cell is still a frontier.
+    fn is_frontier(&mut self, pilot: &Pilot, cell: Cell) -> bool {
+        self.keep_frontiers(pilot);
+        self.frontiers.as_ref().is_some_and(|frontiers| frontiers.contains(cell))
+    }
+
+    /// Returns what is worth a look, and what is rather looked at.
+    fn rated(&self, around: &Surroundings<'_>, area: CellRect) -> Vec<Candidate> {
+        let view = around.pilot.map().view(self.settings.slice, area);
+        let mut candidates = self.candidates();
+        for one in &mut candidates {
+            one.penalty_m = match self.prefers {
+                Preference::NearObjects if self.is_near_object(&view, one.cell) => -OBJECT_BONUS_M,
+                Preference::FarFromPeers if is_a_peers(around, one.at) => PEER_PENALTY_M,
+                Preference::NearObjects | Preference::FarFromPeers => 0.0,
+            };
+        }
+        candidates
+    }
+
+    fn is_near_object(&self, view: &View<'_>, cell: Cell) -> bool {
+        let reach = (NEAR_OBJECT_M / self.settings.lattice.cell_m()).ceil() as i32;
+        let mut near = (-reach..=reach).flat_map(|dy| (-reach..=reach).map(move |dx| (dx, dy)));
+        near.any(|(dx, dy)| view.occupancy(Cell::new(cell.x + dx, cell.y + dy)) == Occupancy::Occupied)
+    }
+
+    /// Notes a look from a place along a heading at everything unknown that it covered, and at one cell surely.
+    fn note_look(&mut self, pilot: &Pilot, from: Point, heading: Angle, at: Option<Cell>) {
+        let look = &self.settings.look;
+        let widest_rad = look.beams.iter().map(|beam| beam.radians().abs()).fold(0.0, f64::max);
+        let half_rad = widest_rad + 0.5 * look.half_angle.radians();
+        let reach_m = look.sure_range_m;
+        let lattice = self.settings.lattice;
+        let Some(area) = CellRect::around(lattice, &[from], reach_m) else { return };
+        self.keep_frontiers(pilot);
+        let view = pilot.map().view(self.settings.slice, area);
+        let is_covered = |one: &Candidate| {
+            let off = from.angle_to(one.at) - heading;
+            one.at.distance_to(from) <= reach_m
+                && off.radians().abs() <= half_rad
+                && sees(&view, lattice, from, one.at)
+        };
+        let covered = self.candidates().into_iter().filter(is_covered).map(|one| one.cell);
+        let cells: Vec<Cell> = covered.chain(at).collect();
+        self.looks.note(&cells, from);
+    }
+}
+
+/// Returns the known free ground where the vehicle may be, clear of what peers claim.
+fn ground(around: &Surroundings<'_>, claims: &[Vec<Point>]) -> Option<Grid> {
+    around.pilot.ground(around.now, around.pose, None, false, claims)
+}
+
+/// Returns whether a peer is going to see a place anyway.
+fn is_a_peers(around: &Surroundings<'_>, at: Point) -> bool {
+    let own_m = around.pose.at.distance_to(at);
+    let goes = |moved_at| around.now.since(moved_at) <= PEER_GOES;
+    let ends = around.peers.iter().filter(|(_, peer)| goes(peer.moved_at) && !peer.is_silent(around.now));
+    let mut ends = ends.filter_map(|(_, peer)| peer.claim.last());
+    ends.any(|end| end.distance_to(at) < (PEER_SHARE * own_m).min(PEER_M))
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,103 @@
+//! Straight legs: from place to place without a path around anything; it ends in front of what stands there.
+
+use std::collections::VecDeque;
+
+use serde::{Deserialize, Serialize};
+
+use super::{MissionKind, Seen, Step, Surroundings};
+use crate::geom::{Point, Vector};
+use crate::node::mission::End;
+
+/// A mission of straight legs.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct Straight {
+    /// Places that are still to be visited.
+    places: VecDeque<Point>,
+    /// How far ahead of where it begins the only place lies, metres; `None` when the places are known.
+    ahead_m: Option<f64>,
+}
+
+impl Straight {
+    /// Makes a mission that visits places in order.
+    pub fn along(places: &[Point]) -> Straight {
+        Straight { places: places.iter().copied().collect(), ahead_m: None }
+    }
+
+    /// Makes a mission that goes straight ahead, as the vehicle stands when it begins.
+    pub fn ahead(distance_m: f64) -> Straight {
+        Straight { places: VecDeque::new(), ahead_m: Some(distance_m) }
+    }
+
+    /// Returns how many places are still to be visited.
+    pub fn places_left(&self) -> usize {
+        self.places.len() + usize::from(self.ahead_m.is_some())
+    }
+
+    fn next_leg(&mut self, around: &Surroundings<'_>) -> Step {
+        if let Some(ahead_m) = self.ahead_m.take() {
+            self.places.push_back(around.pose.at + Vector::polar(around.pose.heading, ahead_m));
+        }
+        self.places.front().map_or(Step::End(End::Done), |place| Step::GoStraight(*place))
+    }
+}
+
+impl MissionKind for Straight {
+    fn next(&mut self, seen: Seen, around: &Surroundings<'_>) -> Step {
+        match seen {
+            Seen::Ready => self.next_leg(around),
+            Seen::UnderWay => Step::GoOn,
+            Seen::Arrived => {
+                self.places.pop_front();
+                Step::Think
+            }
+            Seen::Blocked(at) => Step::End(End::Stopped(at)),
+            Seen::Looked { .. } => Step::Think,
+        }
+    }
+
+    fn give_up(&self) -> End {
+        End::GaveUp(self.places.len())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::tests_support::step;
+    use super::*;
+
+    #[test]
+    fn places_are_visited_in_order_and_then_it_has_ended() {
+        let places = [Point::new(2.0, 0.0), Point::new(2.0, 3.0)];
+        let mut legs = Straight::along(&places);
+        for place in places {
+            assert_eq!(step(&mut legs, Seen::Ready, (0.0, 0.0)), Step::GoStraight(place));
+            assert_eq!(step(&mut legs, Seen::UnderWay, (1.0, 0.0)), Step::GoOn);
+            assert_eq!(step(&mut legs, Seen::Arrived, (place.x_m, place.y_m)), Step::Think);
+        }
+        assert_eq!(step(&mut legs, Seen::Ready, (2.0, 3.0)), Step::End(End::Done));
+    }
+
+    #[test]
+    fn a_leg_that_was_interrupted_is_gone_on_with() {
+        let mut legs = Straight::along(&[Point::new(2.0, 0.0)]);
+        let first = step(&mut legs, Seen::Ready, (0.0, 0.0));
+        assert_eq!(step(&mut legs, Seen::Ready, (1.0, 0.0)), first);
+    }
+
+    #[test]
+    fn it_ends_in_front_of_what_stands_in_its_way() {
+        let (mut legs, wall) = (Straight::along(&[Point::new(2.0, 0.0)]), Point::new(1.0, 0.0));
+        step(&mut legs, Seen::Ready, (0.0, 0.0));
+        assert_eq!(step(&mut legs, Seen::Blocked(wall), (0.5, 0.0)), Step::End(End::Stopped(wall)));
+    }
+
+    #[test]
+    fn ahead_is_where_it_faced_when_it_began() {
+        let mut ahead = Straight::ahead(3.0);
+        let goal = Step::GoStraight(Point::new(4.0, 2.0));
+        assert_eq!(step(&mut ahead, Seen::Ready, (1.0, 2.0)), goal);
+        assert_eq!(step(&mut ahead, Seen::Ready, (2.0, 2.0)), goal, "also after an interruption");
+        step(&mut ahead, Seen::Arrived, (4.0, 2.0));
+        assert_eq!(step(&mut ahead, Seen::Ready, (4.0, 2.0)), Step::End(End::Done));
+    }
+}

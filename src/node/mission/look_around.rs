@@ -1,0 +1,115 @@
+//! Looking around on the spot: which headings to turn to, one after the other, until what was unknown has
+//! been seen or everything has been looked at.
+
+use std::time::Duration;
+
+use serde::{Deserialize, Serialize};
+
+use crate::geom::Angle;
+use crate::node::LookSettings;
+use crate::time::Time;
+
+/// Turns tried after the one toward what is unknown, degrees.
+const OFFSETS_DEG: [f64; 6] = [0.0, 60.0, -60.0, 120.0, -120.0, 180.0];
+/// A heading within this of the wanted one has been reached, radians.
+const REACHED_RAD: f64 = 0.1;
+/// A turn that is not obeyed is given up after this long.
+const TURN_MAX: Duration = Duration::from_secs(12);
+
+/// Returns how long a look takes once its heading is reached: every beam twice.
+pub fn dwell(look: &LookSettings) -> Duration {
+    2 * look.cycle() + look.period
+}
+
+/// One look around.
+#[derive(Clone, Copy, Debug, Serialize, Deserialize)]
+pub struct LookAround {
+    toward: Angle,
+    turn: usize,
+    turns: usize,
+    since: Time,
+    seen_from: Option<Time>,
+}
+
+/// What to do next.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub enum Next {
+    /// Turn to this heading.
+    Turn(Angle),
+    /// Stay, the sensor is looking.
+    Stay,
+    /// All headings have been looked at.
+    Over,
+}
+
+impl LookAround {
+    /// Begins with the heading toward what is unknown.
+    pub fn toward(angle: Angle, now: Time) -> LookAround {
+        LookAround { toward: angle, turn: 0, turns: OFFSETS_DEG.len(), since: now, seen_from: None }
+    }
+
+    /// Looks along one heading only.
+    pub fn once(angle: Angle, now: Time) -> LookAround {
+        LookAround { turns: 1, ..LookAround::toward(angle, now) }
+    }
+
+    /// Returns the heading that it began with.
+    pub fn toward_heading(&self) -> Angle {
+        self.toward
+    }
+
+    /// Returns the heading looked at now.
+    pub fn heading(&self) -> Angle {
+        self.toward + Angle::from_degrees(OFFSETS_DEG[self.turn.min(OFFSETS_DEG.len() - 1)])
+    }
+
+    /// Goes on: `dwell` is how long to look once a heading is reached.
+    pub fn next(&mut self, now: Time, heading: Angle, resting: bool, dwell: Duration) -> Next {
+        let reached = resting && (heading - self.heading()).radians().abs() <= REACHED_RAD;
+        if reached && self.seen_from.is_none() {
+            self.seen_from = Some(now);
+        }
+        let seen = self.seen_from.is_some_and(|from| now.since(from) >= dwell);
+        if !seen && now.since(self.since) < TURN_MAX {
+            return Next::Stay;
+        }
+        self.turn += 1;
+        self.since = now;
+        self.seen_from = None;
+        if self.turn >= self.turns { Next::Over } else { Next::Turn(self.heading()) }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn all_headings_are_looked_at_and_then_it_is_over() {
+        let mut look = LookAround::toward(Angle::from_degrees(90.0), Time::ZERO);
+        let dwell = Duration::from_millis(600);
+        let (mut heading, mut turns, mut tick) = (look.heading(), 0, 0u32);
+        loop {
+            tick += 1;
+            assert!(tick < 200, "a look ends");
+            let now = Time::ZERO + Duration::from_millis(100) * tick;
+            match look.next(now, heading, true, dwell) {
+                Next::Turn(wanted) => {
+                    turns += 1;
+                    heading = wanted;
+                }
+                Next::Stay => {}
+                Next::Over => break,
+            }
+        }
+        assert_eq!(turns, 5);
+    }
+
+    #[test]
+    fn a_turn_that_is_not_obeyed_is_given_up() {
+        let mut look = LookAround::toward(Angle::default(), Time::ZERO);
+        let away = Angle::from_degrees(170.0);
+        let late = Time::from_secs_f64(13.0);
+        assert!(matches!(look.next(late, away, true, Duration::ZERO), Next::Turn(_)));
+    }
+}

@@ -1,0 +1,197 @@
+//! What the mission actor is told and says, and which of it joins.
+
+use serde::{Deserialize, Serialize};
+use tomoswarm_proto::{
+    LayerId, Mission, Order, Plan, Revision, RunId, Sender, StandReason, State, StopId, TileAddress,
+    TileReport, VehicleId,
+};
+
+use super::autonomy::Cause;
+use crate::actor::{Class, Input};
+use crate::geom::Point;
+use crate::node::OwnState;
+use crate::node::peers::join_states;
+use crate::node::radio::Sighting;
+use crate::node::vehicle::{self, Command};
+use crate::sweep::{Refusal, VehicleProgress};
+use crate::time::Time;
+
+/// What the mission actor can be told.
+#[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
+pub enum In {
+    /// Where the vehicle is.
+    State(OwnState),
+    /// Where a peer is.
+    Peer(State),
+    /// A tile that changed.
+    Tile(TileReport),
+    /// A plan, own or a peer's.
+    Plan(Plan),
+    /// How far a peer is.
+    Progress(VehicleProgress),
+    /// What a peer's beacon tells.
+    Sighted(Sighting),
+    /// Some node was heard on the bus, whatever it said.
+    Heard(Sender),
+    /// An order that the vehicle has accepted.
+    Order(Order),
+    /// What the vehicle's envelope or reflex decided.
+    Remark(vehicle::Remark),
+}
+
+/// What the mission actor can say.
+#[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
+pub enum Out {
+    /// To the vehicle, and when it was decided.
+    Command(Time, Command),
+    /// Why it stands and does not go on by itself; `None` = it may.
+    Holds(Option<StandReason>),
+    /// The plan that is followed from now on.
+    Accepted(RunId, Revision),
+    /// How far it is with its mission, as it travels.
+    Progress(Mission),
+    /// What is heard by radio belongs to this run from now on; `None` = to none.
+    Measure(Option<RunId>),
+    /// For log and operator.
+    Remark(Remark),
+}
+
+/// What the mission did or met.
+#[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
+pub enum Remark {
+    /// A stop was done.
+    Done(StopId),
+    /// A new revision is followed.
+    Adopted(RunId, Revision),
+    /// A new revision does not fit.
+    Refused(Refusal),
+    /// The own plan leads out of the fence, here: it is not taken.
+    Outside(Point),
+    /// A plan answers a state that is too old, or has a lower right than others: it is not taken.
+    OldPlan(RunId, Revision),
+    /// Something unknown is looked at.
+    Looks(Point),
+    /// Something stands on the way.
+    Blocked(Point),
+    /// A path around it was found; its length, metres.
+    Path(f64),
+    /// Nothing ahead can be reached over what is known, at least not now; searches in vain in a row.
+    NoPath(u32),
+    /// A stop that cannot be reached was given up.
+    Skipped(StopId),
+    /// All stops are done.
+    Finished(RunId),
+    /// A place of the mission was visited.
+    Visited(Point),
+    /// A place of the mission was passed over.
+    Passed(Point),
+    /// No way leads to a place of the mission: so many cells that can be reached were searched.
+    NoWay(Point, usize),
+    /// The mission has ended.
+    Ended(End),
+    /// The vehicle is back home.
+    Home,
+    /// This vehicle is heard neither by bus nor by radio: an obstacle until it is.
+    Silent(VehicleId),
+    /// It is heard again.
+    HeardAgain(VehicleId),
+    /// Nobody is heard at all: it stands.
+    Alone,
+    /// Somebody is heard again.
+    NotAlone,
+    /// Nobody was heard on the bus for as long as it may carry on by itself.
+    BusLost,
+    /// Somebody is heard on the bus again.
+    BusBack,
+    /// It does something that nobody has ordered.
+    Decides(Cause, MissionStatus),
+}
+
+/// How a mission ended.
+#[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
+pub enum End {
+    /// Everything was done.
+    Done,
+    /// It stopped in front of something.
+    Stopped(Point),
+    /// No way leads to so many of its places: all that can be reached was searched. The others were visited.
+    NoWay(usize),
+    /// So many of its places were given up although a way may lead there, or its peers never made room.
+    GaveUp(usize),
+    /// It had no places, and its peers never made room for it to go on.
+    NoRoom,
+    /// It had no places, and its ground is too large to be searched.
+    TooLarge,
+}
+
+/// What a vehicle does, as a whole.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize)]
+pub enum MissionStatus {
+    /// It waits for a start.
+    Waiting,
+    /// It follows its plan.
+    Following,
+    /// It stands and does not go on by itself.
+    Held,
+    /// It is on its way home, or waits for its turn.
+    Returning,
+    /// It came home.
+    Home,
+}
+
+/// Which inputs replace unread ones.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub enum Key {
+    /// The own state.
+    State,
+    /// The state of one peer.
+    Peer(VehicleId),
+    /// A tile of a layer.
+    Tile(LayerId, TileAddress),
+    /// The plan of one vehicle.
+    Plan(VehicleId),
+    /// The progress of one vehicle.
+    Progress(VehicleId),
+    /// The beacon of one peer.
+    Sighted(VehicleId),
+    /// That one node was heard.
+    Heard(Sender),
+    /// Accepted orders join by strength.
+    Order,
+}
+
+impl Input for In {
+    type Key = Key;
+
+    fn class(&self) -> Class<Key> {
+        match self {
+            In::State(_) => Class::Latest(Key::State),
+            In::Peer(state) => Class::Latest(Key::Peer(state.vehicle)),
+            In::Plan(plan) => Class::Latest(Key::Plan(plan.vehicle)),
+            In::Tile(tile) => Class::Latest(Key::Tile(tile.layer, tile.address)),
+            In::Progress(progress) => Class::Latest(Key::Progress(progress.vehicle)),
+            In::Sighted(sighting) => Class::Latest(Key::Sighted(sighting.progress.vehicle)),
+            In::Heard(by) => Class::Latest(Key::Heard(*by)),
+            In::Order(_) => Class::Latest(Key::Order),
+            In::Remark(_) => Class::Queue,
+        }
+    }
+
+    fn join(unread: In, newer: In) -> In {
+        let edition = |plan: &Plan| (plan.lease, plan.run, plan.revision);
+        let step = |progress: &VehicleProgress| {
+            (progress.boot, progress.run, progress.revision, progress.done, progress.leg)
+        };
+        match (unread, newer) {
+            (In::Plan(unread), In::Plan(newer)) if edition(&unread) > edition(&newer) => In::Plan(unread),
+            // Tiles and progress may overtake each other: the higher revision stays.
+            (In::Tile(unread), In::Tile(newer)) if unread.revision > newer.revision => In::Tile(unread),
+            (In::Progress(unread), In::Progress(newer)) if step(&unread) > step(&newer) => {
+                In::Progress(unread)
+            }
+            (In::Peer(unread), In::Peer(newer)) => In::Peer(join_states(unread, newer)),
+            (In::Order(unread), In::Order(newer)) => In::Order(vehicle::join_orders(unread, newer)),
+            (_, newer) => newer,
+        }
+    }
+}

@@ -1,0 +1,401 @@
+//! Carries out the steps of a mission that the ground station does not plan: going, looking, making room for peers, and
+//! going home when the mission has ended, so that the vehicle stands in nobody's way. It knows no kind of mission; the
+//! pilot drives, the vehicle actor has the last word.
+//!
+//! ```text
+//!   Choosing ─a place─► Driving ─arrived─► Looking ─► Choosing ─ended─► (going home) ─► Over
+//!      ▲  ▲                │ blocked, or what was to be seen is seen           │
+//!      │  └────────────────┘                                                   │
+//!      └─ peers are in the way: wait, step aside, the lowest id last ──────────┘
+//! ```
+//!
+//! Deliberately absent: where to go and what to look at, see [`super::kind`].
+
+mod routes;
+mod tries;
+mod yield_to_peers;
+
+use std::time::Duration;
+
+use serde::{Deserialize, Serialize};
+use tomoswarm_proto::{MissionPhase, Mode, TileReport};
+
+use self::tries::Tries;
+use self::yield_to_peers::{Yield, YieldToPeers, way_aside};
+use super::home::HOME_M;
+use super::kind::{Course, Kind, PassedOver, Seen, Step, Surroundings};
+use super::look_around::{LookAround, Next, dwell};
+use super::pilot::{Met, Pilot};
+use super::{End, Out, Remark};
+use crate::geom::{Cell, Point, Pose};
+use crate::node::peers::Peers;
+use crate::node::vehicle::Command;
+use crate::node::{OwnState, Settings};
+use crate::time::{Deadline, Time};
+
+/// While driving, the mission is asked this often whether to go on.
+const ASK_EVERY: Duration = Duration::from_secs(1);
+/// When something is in the way, wait this long, or some times as long.
+const WAIT: Duration = Duration::from_secs(2);
+/// So many waits for peers in a row on the way home, and the return in order is waited for.
+const HOME_WAITS_MAX: u32 = 30;
+
+/// Where the vehicle is going.
+#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
+enum Destination {
+    /// A place of the mission, straight ahead.
+    Straight(Point),
+    /// A place of the mission, by a path that may be planned anew.
+    ByPath(Point),
+    /// Where the mission wants to look from.
+    Viewpoint,
+    /// Somewhere out of the way of peers.
+    Aside,
+    /// Home.
+    Home,
+}
+
+#[derive(Clone, Copy, Debug, Serialize, Deserialize)]
+enum Phase {
+    /// It thinks, or waits.
+    Choosing {
+        from: Time,
+    },
+    Driving {
+        to: Destination,
+        asked: Time,
+    },
+    /// It looks at a cell, or all around.
+    Looking {
+        look: LookAround,
+        at: Option<Cell>,
+    },
+    Over,
+}
+
+/// A mission under way.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct StepRunner {
+    settings: Settings,
+    /// What it is out for; `None` = that has ended, and it goes home.
+    kind: Option<Kind>,
+    phase: Phase,
+    /// What was looked at on the way to a place and never seen free.
+    barred: Vec<Point>,
+    tries: Tries,
+    yields: YieldToPeers,
+    /// How it ended.
+    end: Option<End>,
+}
+
+/// What a runner is told and may use.
+pub struct Scene<'a> {
+    /// Now.
+    pub now: Time,
+    /// The own state.
+    pub state: &'a OwnState,
+    /// Who drives, and what is known of the world.
+    pub pilot: &'a mut Pilot,
+    /// The others.
+    pub peers: &'a Peers,
+    /// What is said.
+    pub out: &'a mut Vec<Out>,
+}
+
+impl Scene<'_> {
+    fn pose(&self) -> Pose {
+        self.state.pose
+    }
+
+    fn rests(&self) -> bool {
+        self.state.leg.is_none() && !matches!(self.state.mode, Mode::Driving | Mode::Turning)
+    }
+
+    fn surroundings(&self) -> Surroundings<'_> {
+        Surroundings { now: self.now, pose: self.pose(), pilot: self.pilot, peers: self.peers }
+    }
+
+    fn remark(&mut self, remark: Remark) {
+        self.out.push(Out::Remark(remark));
+    }
+}
+
+impl StepRunner {
+    /// Makes the runner of the mission that a vehicle is out for; `None` when the ground station plans.
+    pub fn of(settings: &Settings) -> Option<StepRunner> {
+        Some(StepRunner {
+            settings: settings.clone(),
+            kind: Some(Kind::of(settings)?),
+            phase: Phase::Choosing { from: Time::ZERO },
+            barred: Vec::new(),
+            tries: Tries::default(),
+            yields: YieldToPeers::default(),
+            end: None,
+        })
+    }
+
+    /// Notes that a tile of the map has changed.
+    pub fn learn(&mut self, tile: &TileReport) {
+        if let Some(kind) = &mut self.kind {
+            kind.mission().tile_changed(tile.address);
+        }
+    }
+
+    /// Returns when to be asked again without any input.
+    pub fn deadline(&self) -> Option<Deadline> {
+        match self.phase {
+            Phase::Choosing { from } => Some(Deadline { at: from, why: "choose where to go" }),
+            Phase::Driving { .. } | Phase::Looking { .. } | Phase::Over => None,
+        }
+    }
+
+    /// Returns what the vehicle does for the mission while it follows.
+    pub fn phase(&self) -> MissionPhase {
+        match self.phase {
+            Phase::Choosing { .. } if self.yields.in_a_row() > 0 => MissionPhase::Yielding,
+            Phase::Choosing { .. } if self.kind.is_none() => MissionPhase::Returning,
+            Phase::Choosing { .. } => MissionPhase::Choosing,
+            Phase::Driving { to: Destination::Aside, .. } => MissionPhase::Yielding,
+            Phase::Driving { to: Destination::Home, .. } => MissionPhase::Returning,
+            Phase::Driving {
+                to: Destination::Straight(_) | Destination::ByPath(_) | Destination::Viewpoint,
+                ..
+            } => MissionPhase::Going,
+            Phase::Looking { .. } => MissionPhase::Looking,
+            Phase::Over => MissionPhase::Over,
+        }
+    }
+
+    /// Returns how many places of the mission are still to be visited; one that has no list of places has none.
+    pub fn places_left(&self) -> usize {
+        self.kind.as_ref().map_or(0, Kind::places_left)
+    }
+
+    /// Returns how the mission ended; `None` = it has not.
+    pub fn end(&self) -> Option<&End> {
+        self.end.as_ref()
+    }
+
+    /// Begins to think anew, after the vehicle was stopped or held.
+    pub fn interrupt(&mut self, now: Time) {
+        if !matches!(self.phase, Phase::Over) {
+            self.think(now);
+        }
+    }
+
+    /// Goes on; `met` is what the pilot met.
+    pub fn go_on(&mut self, scene: &mut Scene<'_>, met: &[Met]) {
+        if let Some(Met::Blocked(at)) = met.iter().find(|met| matches!(met, Met::Blocked(_))) {
+            self.is_blocked(scene, *at);
+        }
+        if let Some(kind) = &mut self.kind {
+            kind.mission().watch_peers(&scene.surroundings());
+        }
+        match self.phase {
+            Phase::Choosing { from } if from <= scene.now => self.tell(scene, Seen::Ready),
+            Phase::Choosing { .. } | Phase::Over => {}
+            Phase::Driving { to, .. } if scene.pilot.way().is_empty() => self.arrive(scene, to),
+            Phase::Driving { to, asked } if scene.now.since(asked) >= ASK_EVERY => self.ask(scene, to),
+            Phase::Driving { .. } => {}
+            Phase::Looking { look, at } => self.look(scene, look, at),
+        }
+    }
+
+    /// Tells the mission what is seen, and does what it says; once it has ended the vehicle goes home.
+    fn tell(&mut self, scene: &mut Scene<'_>, seen: Seen) {
+        let Some(kind) = &mut self.kind else { return self.head_home(scene) };
+        match kind.mission().next(seen, &scene.surroundings()) {
+            Step::GoOn => {}
+            Step::Think => {
+                self.yields.end();
+                self.think(scene.now);
+            }
+            Step::GoStraight(place) => self.drive_straight(scene, place),
+            Step::GoTo(place) => self.go_to(scene, place),
+            Step::GoAlong(course) => {
+                self.yields.end();
+                self.drive(scene, &course, Destination::Viewpoint);
+            }
+            Step::LookAround => {
+                let toward = scene.pose().heading;
+                self.begin_look(scene, LookAround::toward(toward, scene.now), None);
+            }
+            Step::LookAt(cell) => {
+                self.yields.end();
+                let toward = scene.pose().at.angle_to(self.settings.lattice.centre(cell));
+                self.begin_look(scene, LookAround::once(toward, scene.now), Some(cell));
+            }
+            Step::TryAgain => self.try_again(scene),
+            Step::YieldToPeers => self.yield_to_peers(scene),
+            Step::End(end) => self.finish(scene, end),
+        }
+    }
+
+    fn choose_at(&mut self, from: Time) {
+        self.phase = Phase::Choosing { from };
+    }
+
+    fn think(&mut self, now: Time) {
+        self.choose_at(now + self.settings.path_time);
+    }
+
+    /// Drives along a course.
+    fn drive(&mut self, scene: &mut Scene<'_>, course: &Course, to: Destination) {
+        scene.pilot.take_route(scene.pose().at, &course.corners, course.is_narrow);
+        self.phase = Phase::Driving { to, asked: scene.now };
+    }
+
+    fn drive_straight(&mut self, scene: &mut Scene<'_>, place: Point) {
+        let course = Course { corners: vec![place], is_narrow: false };
+        self.drive(scene, &course, Destination::Straight(place));
+    }
+
+    fn arrive(&mut self, scene: &mut Scene<'_>, to: Destination) {
+        match to {
+            Destination::Straight(place) | Destination::ByPath(place) => {
+                self.barred.clear();
+                scene.remark(Remark::Visited(place));
+                self.tell(scene, Seen::Arrived);
+            }
+            Destination::Viewpoint => self.tell(scene, Seen::Arrived),
+            Destination::Aside => self.choose_at(scene.now + WAIT),
+            Destination::Home => self.phase = Phase::Over,
+        }
+    }
+
+    /// Asks the mission, on the way to where it wants to be, whether to go on.
+    fn ask(&mut self, scene: &mut Scene<'_>, to: Destination) {
+        self.phase = Phase::Driving { to, asked: scene.now };
+        match to {
+            Destination::Straight(_) | Destination::ByPath(_) | Destination::Viewpoint => {
+                self.tell(scene, Seen::UnderWay);
+            }
+            Destination::Aside | Destination::Home => {}
+        }
+    }
+
+    fn begin_look(&mut self, scene: &mut Scene<'_>, look: LookAround, at: Option<Cell>) {
+        let place = scene.pose().at;
+        scene.pilot.give_up(place);
+        scene.out.push(Out::Command(scene.now, Command::Turn(look.heading())));
+        self.phase = Phase::Looking { look, at };
+    }
+
+    fn look(&mut self, scene: &mut Scene<'_>, mut look: LookAround, at: Option<Cell>) {
+        let pose = scene.pose();
+        match look.next(scene.now, pose.heading, scene.rests(), dwell(&self.settings.look)) {
+            Next::Stay => self.phase = Phase::Looking { look, at },
+            Next::Turn(heading) => {
+                scene.out.push(Out::Command(scene.now, Command::Turn(heading)));
+                self.phase = Phase::Looking { look, at };
+            }
+            Next::Over => {
+                self.tell(scene, Seen::Looked { from: pose.at, toward: look.toward_heading(), at });
+            }
+        }
+    }
+
+    /// Something is in the way.
+    fn is_blocked(&mut self, scene: &mut Scene<'_>, at: Point) {
+        let Phase::Driving { to, .. } = self.phase else { return };
+        let place = scene.pose().at;
+        scene.pilot.give_up(place);
+        match to {
+            // What is barred is news for the next path.
+            Destination::ByPath(_) if self.note_barred(scene, at) => self.think(scene.now),
+            Destination::Straight(_) | Destination::ByPath(_) | Destination::Viewpoint => {
+                self.tell(scene, Seen::Blocked(at));
+            }
+            Destination::Aside | Destination::Home => self.try_again(scene),
+        }
+    }
+
+    fn try_again(&mut self, scene: &Scene<'_>) {
+        let waits = self.tries.again(scene.pose().at);
+        let wait = if waits > 0 { WAIT * waits } else { self.settings.path_time };
+        self.choose_at(scene.now + wait);
+    }
+
+    /// Goes to a place of the mission, or passes it over.
+    fn go_to(&mut self, scene: &mut Scene<'_>, place: Point) {
+        if self.tries.are_spent() {
+            return self.pass_over(scene, place, PassedOver::GivenUp);
+        }
+        match self.course(scene, place, true) {
+            Ok(course) => {
+                self.yields.end();
+                self.drive(scene, &course, Destination::ByPath(place));
+            }
+            Err(_) if self.is_open_without_peers(scene, place) => self.yield_to_peers(scene),
+            Err(crate::plan::NoRoute::StartBarred) => {
+                // Something stands too near to where the vehicle is: it looks again, later.
+                self.tries.hemmed_in(scene.pose().at);
+                self.choose_at(scene.now + WAIT);
+            }
+            Err(reason) => {
+                scene.remark(Remark::NoWay(place, routes::searched(reason)));
+                self.pass_over(scene, place, PassedOver::NoWay);
+            }
+        }
+    }
+
+    fn pass_over(&mut self, scene: &mut Scene<'_>, place: Point, why: PassedOver) {
+        if let Some(kind) = &mut self.kind {
+            kind.mission().pass_over(why);
+        }
+        self.barred.clear();
+        self.tries.clear();
+        scene.remark(Remark::Passed(place));
+        self.think(scene.now);
+    }
+
+    /// Waits for peers to make room; steps aside when that takes long, and gives up when it takes too long.
+    fn yield_to_peers(&mut self, scene: &mut Scene<'_>) {
+        match (self.yields.once_more(self.settings.vehicle, scene.peers), &mut self.kind) {
+            (Yield::InVain, Some(kind)) => {
+                let end = kind.mission().give_up();
+                self.finish(scene, end);
+            }
+            (Yield::StepAside, _) => match self.course_aside(scene) {
+                Some(course) => self.drive(scene, &course, Destination::Aside),
+                None => self.choose_at(scene.now + WAIT),
+            },
+            (Yield::Wait, _) | (Yield::InVain, None) => self.choose_at(scene.now + WAIT),
+        }
+    }
+
+    fn course_aside(&self, scene: &Scene<'_>) -> Option<Course> {
+        let claims = scene.surroundings().claims();
+        let grid = self.ground(scene, None, false, &claims)?;
+        let corners = way_aside(&grid, self.settings.lattice, scene.pose().at, scene.peers)?;
+        Some(Course { corners, is_narrow: false })
+    }
+
+    fn finish(&mut self, scene: &mut Scene<'_>, end: End) {
+        let place = scene.pose().at;
+        scene.pilot.give_up(place);
+        self.yields.end();
+        self.tries.clear();
+        self.kind = None;
+        self.end = Some(end.clone());
+        scene.remark(Remark::Ended(end));
+        self.think(scene.now);
+    }
+
+    /// The mission has ended: the vehicle goes home over what is known, if it can; otherwise it stays until it is sent.
+    fn head_home(&mut self, scene: &mut Scene<'_>) {
+        let (pose, home) = (scene.pose(), self.settings.home);
+        if home.distance_to(pose.at) <= HOME_M || self.tries.are_spent() {
+            self.phase = Phase::Over;
+            return;
+        }
+        match self.course(scene, home, false) {
+            Ok(course) => self.drive(scene, &course, Destination::Home),
+            Err(_) if self.yields.in_a_row() < HOME_WAITS_MAX => self.yield_to_peers(scene),
+            Err(_) => self.phase = Phase::Over,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests;

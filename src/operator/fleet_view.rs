@@ -1,0 +1,269 @@
+//! The fleet as one who only listens sees it: the newest of everything that each node has said of itself, and when it
+//! came. Pure and bounded: a vehicle's number is one byte, and of ground stations only the newest few are kept. It judges
+//! nothing.
+
+use std::collections::BTreeMap;
+use std::time::Duration;
+
+use tomoswarm_proto::codec::{Greeting, VERSION};
+use tomoswarm_proto::{Boot, Health, Hello, Lease, Message, Mission, Report, Sender, State, VehicleId};
+
+use super::Heard;
+use crate::sweep::LOWER_BOOT_AFTER;
+use crate::time::Time;
+
+/// A ground station whose report is older than this is not live.
+pub const GROUND_LIVES: Duration = Duration::from_secs(5);
+/// Ground stations kept at most.
+const GROUNDS: usize = 8;
+
+/// Something that was said, and when it came.
+#[derive(Clone, PartialEq, Debug)]
+pub struct Fresh<T> {
+    /// When it came.
+    pub at: Time,
+    /// What was said.
+    pub value: T,
+}
+
+impl<T> Fresh<T> {
+    /// Returns how long ago it came.
+    pub fn age(&self, now: Time) -> Duration {
+        now.since(self.at)
+    }
+}
+
+/// What one vehicle has said of itself.
+#[derive(Clone, PartialEq, Debug, Default)]
+pub struct VehicleView {
+    /// Newest state, by boot and sequence.
+    pub state: Option<Fresh<State>>,
+    /// Newest of how far it is with its mission, of the newest boot.
+    pub mission: Option<Fresh<Mission>>,
+    /// Newest health of the newest boot.
+    pub health: Option<Fresh<Health>>,
+    /// Newest greeting.
+    pub hello: Option<Fresh<Hello>>,
+}
+
+/// Why two nodes do not listen to each other.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub enum Misfit {
+    /// It speaks this version of the wire.
+    Version(u8),
+    /// Its venue file has this hash.
+    Venue(u64),
+}
+
+/// The newest of everything.
+#[derive(Clone, Debug, Default)]
+pub struct FleetView {
+    vehicles: BTreeMap<VehicleId, VehicleView>,
+    /// By store: two grounds never write the same one.
+    grounds: BTreeMap<u64, Fresh<Report>>,
+    ground_hello: Option<Fresh<Hello>>,
+    foreign: BTreeMap<Sender, Greeting>,
+}
+
+impl FleetView {
+    /// Takes what came over the bus.
+    pub fn hear(&mut self, now: Time, heard: &Heard) {
+        match heard {
+            Heard::Greeting(greeting, hello) => self.greeting(now, greeting, hello.as_ref()),
+            Heard::Message(_, message) => self.message(now, message),
+            Heard::Unknown(_) => {}
+        }
+    }
+
+    /// Returns what a vehicle has said; `None` when it was not heard.
+    pub fn vehicle(&self, id: VehicleId) -> Option<&VehicleView> {
+        self.vehicles.get(&id)
+    }
+
+    /// Returns a vehicle's newest state.
+    pub fn state(&self, id: VehicleId) -> Option<&Fresh<State>> {
+        self.vehicles.get(&id)?.state.as_ref()
+    }
+
+    /// Returns all vehicles that said anything, ascending.
+    pub fn vehicles(&self) -> impl Iterator<Item = (VehicleId, &VehicleView)> {
+        self.vehicles.iter().map(|(id, seen)| (*id, seen))
+    }
+
+    /// Returns the reports of all ground stations heard, by store.
+    pub fn grounds(&self) -> impl Iterator<Item = &Fresh<Report>> {
+        self.grounds.values()
+    }
+
+    /// Returns the report of the live ground station with the greatest lease.
+    pub fn ground(&self, now: Time) -> Option<&Fresh<Report>> {
+        let live = self.grounds.values().filter(|report| report.age(now) <= GROUND_LIVES);
+        live.max_by_key(|report| report.value.lease)
+    }
+
+    /// Returns the greeting of the ground station heard last.
+    pub fn ground_hello(&self) -> Option<&Fresh<Hello>> {
+        self.ground_hello.as_ref()
+    }
+
+    /// Returns the nodes whose greeting is of another wire version.
+    pub fn foreign(&self) -> impl Iterator<Item = &Greeting> {
+        self.foreign.values()
+    }
+
+    /// Returns why a node does not listen to whoever has this venue file; `None` = it does, or has not greeted.
+    pub fn misfit(&self, node: Sender, venue_hash: u64) -> Option<Misfit> {
+        if let Some(greeting) = self.foreign.get(&node) {
+            return Some(Misfit::Version(greeting.version));
+        }
+        let hello = match node {
+            Sender::Ground => self.ground_hello.as_ref(),
+            Sender::Vehicle(id) => self.vehicles.get(&id)?.hello.as_ref(),
+            Sender::Operator(_) => None,
+        };
+        let theirs = hello?.value.venue_hash;
+        (theirs != venue_hash).then_some(Misfit::Venue(theirs))
+    }
+
+    /// Returns the greatest lease that a vehicle echoes or a live ground station holds; number 0 = nobody's.
+    pub fn lease(&self, now: Time) -> Lease {
+        let echoed = self.vehicles.values().filter_map(|seen| Some(seen.state.as_ref()?.value.ordered.lease));
+        let held = self.ground(now).map(|report| report.value.lease);
+        echoed.chain(held).max().unwrap_or_default()
+    }
+
+    /// Forgets the states that came before a moment, as if those vehicles had not been heard.
+    pub fn forget_states_before(&mut self, moment: Time) {
+        for seen in self.vehicles.values_mut() {
+            seen.state = seen.state.take().filter(|state| state.at >= moment);
+        }
+    }
+
+    fn greeting(&mut self, now: Time, greeting: &Greeting, hello: Option<&Hello>) {
+        if greeting.version != VERSION {
+            self.foreign.insert(greeting.node, *greeting);
+            return;
+        }
+        self.foreign.remove(&greeting.node);
+        let Some(hello) = hello else { return };
+        let fresh = Some(Fresh { at: now, value: hello.clone() });
+        match greeting.node {
+            Sender::Ground => self.ground_hello = fresh,
+            Sender::Vehicle(id) => self.vehicles.entry(id).or_default().hello = fresh,
+            Sender::Operator(_) => {}
+        }
+    }
+
+    fn message(&mut self, now: Time, message: &Message) {
+        match message {
+            Message::State(state) => {
+                let seen = self.vehicles.entry(state.vehicle).or_default();
+                renew(&mut seen.state, now, state, |state| (state.boot, state.sequence));
+            }
+            Message::Mission(mission) => {
+                let seen = self.vehicles.entry(mission.vehicle).or_default();
+                renew(&mut seen.mission, now, mission, |mission| (mission.boot, 0));
+            }
+            Message::Health(health) => {
+                let seen = self.vehicles.entry(health.vehicle).or_default();
+                renew(&mut seen.health, now, health, |health| (health.boot, 0));
+            }
+            Message::Report(report) => self.report(now, report),
+            Message::Hello(_)
+            | Message::Tile(_)
+            | Message::Digest(_)
+            | Message::Want(_)
+            | Message::Plan(_)
+            | Message::Order(_)
+            | Message::Samples(_)
+            | Message::Have(_)
+            | Message::Beacon(_)
+            | Message::Standing(_)
+            | Message::Task(_)
+            | Message::Image(_) => {}
+        }
+    }
+
+    fn report(&mut self, now: Time, report: &Report) {
+        self.grounds.insert(report.store, Fresh { at: now, value: report.clone() });
+        if self.grounds.len() > GROUNDS {
+            let oldest = self.grounds.iter().min_by_key(|(_, report)| report.at).map(|(store, _)| *store);
+            oldest.and_then(|store| self.grounds.remove(&store));
+        }
+    }
+}
+
+/// Puts what was said in the place of what is older.
+fn renew<T: Clone>(known: &mut Option<Fresh<T>>, now: Time, said: &T, edition: fn(&T) -> (Boot, u64)) {
+    let is_older =
+        |known: &Fresh<T>| edition(said) < edition(&known.value) && known.age(now) <= LOWER_BOOT_AFTER;
+    if !known.as_ref().is_some_and(is_older) {
+        *known = Some(Fresh { at: now, value: said.clone() });
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::tests_support::{at, heard, report, state};
+    use super::*;
+
+    fn hear(view: &mut FleetView, at_s: f64, message: Message) {
+        view.hear(at(at_s), &heard(message));
+    }
+
+    #[test]
+    fn of_states_the_newest_by_boot_and_sequence_is_kept_whatever_comes_last() {
+        let mut view = FleetView::default();
+        for (at_s, boot, sequence) in [(0.0, 1, 5), (0.1, 2, 1), (0.2, 1, 6), (0.3, 2, 0)] {
+            hear(&mut view, at_s, Message::State(State { sequence, boot: Boot(boot), ..state(3) }));
+        }
+        let newest = view.state(VehicleId(3)).unwrap();
+        assert_eq!((newest.value.boot, newest.value.sequence, newest.at), (Boot(2), 1, at(0.1)));
+    }
+
+    #[test]
+    fn a_vehicle_with_a_new_disk_is_heard_again_after_some_silence() {
+        let mut view = FleetView::default();
+        hear(&mut view, 0.0, Message::State(State { boot: Boot(9), ..state(3) }));
+        hear(&mut view, 1.0, Message::State(State { boot: Boot(1), ..state(3) }));
+        assert_eq!(view.state(VehicleId(3)).unwrap().value.boot, Boot(9));
+        hear(&mut view, 30.1, Message::State(State { boot: Boot(1), ..state(3) }));
+        assert_eq!(view.state(VehicleId(3)).unwrap().value.boot, Boot(1));
+    }
+
+    #[test]
+    fn of_two_grounds_the_live_one_with_the_greatest_lease_counts() {
+        let mut view = FleetView::default();
+        let of = |store, number| {
+            Message::Report(Report { store, lease: Lease { number, holder: store }, ..report() })
+        };
+        hear(&mut view, 0.0, of(1, 9));
+        hear(&mut view, 4.0, of(2, 3));
+        assert_eq!(view.ground(at(4.5)).unwrap().value.store, 1);
+        assert_eq!(view.ground(at(5.5)).unwrap().value.store, 2, "the other has been silent");
+        assert_eq!(view.ground(at(9.5)), None);
+    }
+
+    #[test]
+    fn what_is_kept_is_bounded() {
+        let mut view = FleetView::default();
+        for store in 0..1000 {
+            let at_s = store as f64;
+            hear(&mut view, at_s, Message::Report(Report { store, ..report() }));
+            hear(&mut view, at_s, Message::State(state((store % 256) as u8)));
+        }
+        assert_eq!(view.grounds().map(|report| report.value.store).max(), Some(999));
+        assert_eq!((view.grounds().count(), view.vehicles().count()), (GROUNDS, 256));
+    }
+
+    #[test]
+    fn a_greeting_of_another_version_is_known_as_such_until_it_is_of_ours() {
+        let mut view = FleetView::default();
+        let node = Sender::Vehicle(VehicleId(3));
+        let greeting = |version| Greeting { version, node, boot: Boot(1), venue_hash: 5 };
+        view.hear(at(0.0), &Heard::Greeting(greeting(9), None));
+        assert_eq!(view.foreign().count(), 1);
+        view.hear(at(0.1), &Heard::Greeting(greeting(VERSION), None));
+        assert_eq!(view.foreign().count(), 0);
+    }
+}

@@ -1,0 +1,60 @@
+//! Orders, modes and phases in words, as they are typed and shown.
+
+use tomoswarm_proto::{Mode, OrderKind, Ordered, StationPhase};
+
+/// Returns what a vehicle was ordered last, and by whose right.
+pub fn ordered(ordered: Ordered) -> String {
+    let Ordered { lease, revision, kind, .. } = ordered;
+    kind.map_or("-".to_owned(), |kind| format!("{} {}.{revision}", kind_name(kind), lease.number))
+}
+
+/// Returns the name of an order as it is typed.
+pub fn kind_name(kind: OrderKind) -> &'static str {
+    match kind {
+        OrderKind::Start => "start",
+        OrderKind::Hold => "hold",
+        OrderKind::Return => "return",
+        OrderKind::Land => "land",
+        OrderKind::Emergency => "emergency",
+        OrderKind::CutMotors => "cut-motors",
+    }
+}
+
+/// Returns a mode in a word.
+pub fn mode(mode: Mode) -> &'static str {
+    match mode {
+        Mode::Idle => "idle",
+        Mode::Driving => "driving",
+        Mode::Turning => "turning",
+        Mode::Halted => "halted",
+        Mode::Held => "held",
+        Mode::TakingOff => "taking off",
+        Mode::Climbing => "climbing",
+        Mode::Landing => "landing",
+        Mode::Stopped => "STOPPED",
+        Mode::Emergency => "EMERGENCY",
+    }
+}
+
+/// Returns what a ground station does in a word.
+pub fn phase(phase: StationPhase) -> &'static str {
+    match phase {
+        StationPhase::Idle => "idle",
+        StationPhase::Waiting => "waiting",
+        StationPhase::Stopping => "stopping",
+        StationPhase::Planning => "planning",
+        StationPhase::Running => "running",
+        StationPhase::Closing => "closing",
+    }
+}
+
+/// Returns troubles in one cell.
+pub fn troubles(troubles: &[String]) -> String {
+    if troubles.is_empty() { "none".to_owned() } else { troubles.join("; ") }
+}
+
+/// Returns a list in words; a dash for an empty one.
+pub fn listed<T: std::fmt::Display>(all: &[T]) -> String {
+    let words: Vec<String> = all.iter().map(T::to_string).collect();
+    if words.is_empty() { "-".to_owned() } else { words.join(",") }
+}

@@ -1,0 +1,386 @@
+//! The operator actor: it hears the bus, keeps its view of the fleet, and brings about what is wanted.
+//!
+//! It is told what came over the bus, whether anyone can be reached, what is wanted by hand, a script to follow, and that a
+//! cue was done. It says orders, every 100 ms until State shows them, and its greeting; and how wants and the script ended.
+//! It draws nothing (its holder id is given), decides nothing for a vehicle, and hears no answers: what it waits for is
+//! State.
+//!
+//! ```text
+//!           Want                    every State shows it, by hand
+//!   (none) ──────► open ───────────────────────────────────────────► ended
+//!                   │  └─time is up, overruled, refused, withdrawn────► ended
+//!                   │ every State shows it, of a script              ▲
+//!                   ▼                                                │ everybody has it from somebody else,
+//!                 in force ──────────────────────────────────────────┘ or it is withdrawn
+//!                   ▲ │ a vehicle was started anew: it is told again
+//!                   └─┘
+//! ```
+//!
+//! A later want takes the place of an earlier one on the vehicles that both name. By whose right it orders, and when
+//! somebody else's order counts more, is said in [`super::ordering`].
+//!
+//! Deadlines: `greets`, `orders`, and those of the script.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::time::Duration;
+
+use tomoswarm_proto::{Hello, Message, VehicleId};
+
+use super::Heard;
+use super::fleet_view::FleetView;
+use super::ordering::{Instruction, Ordering};
+use super::outcome::Outcome;
+use super::script::{LastWant, ScriptEnd, ScriptOut, ScriptRun, Sight, Step};
+use super::want::{Want, WantId};
+use crate::actor::{Actor, Class, Fault, Input};
+use crate::time::{Deadline, Time};
+
+/// It greets this often.
+const GREETS_EVERY: Duration = Duration::from_secs(2);
+/// After so long on the bus everyone who is there was heard.
+const LISTEN: Duration = Duration::from_millis(1500);
+
+/// Who an operator is, and what it knows before it hears anything.
+#[derive(Clone, PartialEq, Eq, Debug)]
+pub struct OperatorSettings {
+    /// How it greets; in it who it is and which venue file it has.
+    pub hello: Hello,
+    /// Whether it greets; who only looks does not.
+    pub greets: bool,
+    /// Its id as the holder of a lease, drawn by whoever starts it; 0 is that of no operator.
+    pub holder: u64,
+    /// Vehicles that are there though they may not be heard.
+    pub expected: BTreeSet<VehicleId>,
+    /// Vehicles that might be there besides; an emergency goes to them too.
+    pub possible: BTreeSet<VehicleId>,
+}
+
+/// What the operator can be told.
+#[derive(Clone, PartialEq, Debug)]
+pub enum In {
+    /// What came over the bus.
+    Bus(Heard),
+    /// Whether anyone can be reached.
+    Linked(bool),
+    /// What is wanted by hand, under a number of its own.
+    Want(u32, Want),
+    /// What is not wanted by hand any more.
+    Withdraw(u32),
+    /// A script to follow from now on; one that is followed already ends.
+    Follow(Vec<Step>),
+    /// What the last cue asked for is done.
+    CueDone,
+}
+
+/// What the operator can say.
+#[derive(Clone, PartialEq, Debug)]
+pub enum Out {
+    /// To everyone on the bus.
+    Publish(Message),
+    /// Every vehicle shows a want of the script, which goes on standing.
+    InForce(WantId, Outcome),
+    /// A want is over.
+    Ended(WantId, Outcome),
+    /// The script asks for something outside the bus; [`In::CueDone`] says that it is done.
+    Cue(String),
+    /// The script is over.
+    ScriptEnded(ScriptEnd),
+}
+
+/// The operator actor.
+#[derive(Clone, Debug)]
+pub struct Operator {
+    settings: OperatorSettings,
+    view: FleetView,
+    /// Since when anyone can be reached.
+    linked: Option<Time>,
+    greeted: Option<Time>,
+    wants: BTreeMap<WantId, Pursuit>,
+    script: Option<ScriptRun>,
+    last_want: LastWant,
+    script_wants: u32,
+    next: Option<Deadline>,
+}
+
+/// A want that is brought about, or stands.
+#[derive(Clone, Debug)]
+struct Pursuit {
+    want: Want,
+    ordering: Ordering,
+    is_in_force: bool,
+}
+
+/// What there is to say of a pursuit.
+enum Turn {
+    GoesOn,
+    InForce(Outcome),
+    Ended(Outcome),
+}
+
+impl Operator {
+    /// Makes an operator that has heard nothing yet.
+    pub fn new(settings: OperatorSettings) -> Operator {
+        Operator {
+            settings,
+            view: FleetView::default(),
+            linked: None,
+            greeted: None,
+            wants: BTreeMap::new(),
+            script: None,
+            last_want: LastWant::Open,
+            script_wants: 0,
+            next: None,
+        }
+    }
+
+    /// Returns what is known of the fleet; for its face, to show.
+    pub fn view(&self) -> &FleetView {
+        &self.view
+    }
+
+    fn hear(&mut self, now: Time, heard: &Heard) {
+        self.view.hear(now, heard);
+        self.wants.values_mut().for_each(|pursuit| pursuit.ordering.hear(now, heard));
+    }
+
+    /// Takes up a want; what it wants of vehicles counts more than what was wanted of them before.
+    fn take_up(&mut self, now: Time, id: WantId, want: Want, out: &mut Vec<Out>) {
+        for pursuit in self.wants.values_mut() {
+            let is_same = (pursuit.want.kind, pursuit.want.run) == (want.kind, want.run);
+            if !is_same {
+                pursuit.ordering.withdraw(now, &want.vehicles);
+            }
+        }
+        self.give_up(now, |_, pursuit| pursuit.ordering.is_withdrawn(now), out);
+        let has_listened = self.linked.is_some_and(|since| now.since(since) >= LISTEN);
+        let ordering = Ordering::new(now, self.instruction(&want)).knowing(&self.view, has_listened);
+        let ordering = match id {
+            WantId::Hand(_) => ordering,
+            WantId::Script(_) => ordering.standing(),
+        };
+        self.wants.insert(id, Pursuit { want, ordering, is_in_force: false });
+    }
+
+    fn instruction(&self, want: &Want) -> Instruction {
+        let Want { kind, vehicles, run, begins, take_over, within } = want.clone();
+        let OperatorSettings { hello, greets: _, holder, expected, possible } = self.settings.clone();
+        let (venue_hash, timeout) = (hello.venue_hash, within);
+        Instruction {
+            kind,
+            begins,
+            vehicles,
+            expected,
+            possible,
+            run,
+            take_over,
+            holder,
+            venue_hash,
+            timeout,
+        }
+    }
+
+    /// Ends the wants of which that is so.
+    fn give_up(&mut self, now: Time, is_over: impl Fn(WantId, &Pursuit) -> bool, out: &mut Vec<Out>) {
+        let over = self.wants.iter().filter(|(id, pursuit)| is_over(**id, pursuit)).map(|(id, _)| *id);
+        for id in over.collect::<Vec<WantId>>() {
+            if let Some(pursuit) = self.wants.remove(&id) {
+                self.end(id, pursuit.ordering.outcome_so_far(now), out);
+            }
+        }
+    }
+
+    fn end(&mut self, id: WantId, outcome: Outcome, out: &mut Vec<Out>) {
+        if self.is_last_of_script(id) && self.last_want == LastWant::Open {
+            self.last_want = LastWant::Failed(outcome.undone());
+        }
+        out.push(Out::Ended(id, outcome));
+    }
+
+    fn is_last_of_script(&self, id: WantId) -> bool {
+        id == WantId::Script(self.script_wants.saturating_sub(1))
+    }
+
+    /// Does all that is due: greets, orders, goes on with the script; then knows when something is due next.
+    fn turn(&mut self, now: Time, out: &mut Vec<Out>) {
+        self.greet(now, out);
+        self.pursue(now, out);
+        while let Some(said) = self.go_on(now) {
+            match said {
+                ScriptOut::Want(want) => {
+                    let id = WantId::Script(self.script_wants);
+                    (self.script_wants, self.last_want) = (self.script_wants + 1, LastWant::Open);
+                    self.take_up(now, id, want, out);
+                    self.pursue(now, out);
+                }
+                ScriptOut::Cue(name) => out.push(Out::Cue(name)),
+                ScriptOut::Ended(end) => {
+                    self.script = None;
+                    out.push(Out::ScriptEnded(end));
+                }
+            }
+        }
+        self.next = self.due_next(now);
+    }
+
+    fn go_on(&mut self, now: Time) -> Option<ScriptOut> {
+        let sight = Sight { view: &self.view, last_want: &self.last_want };
+        self.script.as_mut()?.go_on(now, &sight)
+    }
+
+    fn greet(&mut self, now: Time, out: &mut Vec<Out>) {
+        let Some(linked) = self.linked.filter(|_| self.settings.greets) else { return };
+        if self.greeted.is_some_and(|at| now.since(at) < GREETS_EVERY) {
+            return;
+        }
+        self.greeted = Some(now);
+        let member_for_s = u32::try_from(now.since(linked).as_secs()).unwrap_or(u32::MAX);
+        out.push(Out::Publish(Message::Hello(Hello { member_for_s, ..self.settings.hello.clone() })));
+    }
+
+    fn pursue(&mut self, now: Time, out: &mut Vec<Out>) {
+        let is_linked = self.linked.is_some();
+        let mut turns = Vec::new();
+        for (id, pursuit) in &mut self.wants {
+            let due = pursuit.ordering.act(now, is_linked);
+            out.extend(due.into_iter().map(|order| Out::Publish(Message::Order(order))));
+            turns.push((*id, pursuit.turn(now)));
+        }
+        for (id, turn) in turns {
+            match turn {
+                Turn::GoesOn => {}
+                Turn::InForce(outcome) => {
+                    if self.is_last_of_script(id) {
+                        self.last_want = LastWant::InForce;
+                    }
+                    out.push(Out::InForce(id, outcome));
+                }
+                Turn::Ended(outcome) => {
+                    self.wants.remove(&id);
+                    self.end(id, outcome, out);
+                }
+            }
+        }
+    }
+
+    fn due_next(&self, now: Time) -> Option<Deadline> {
+        let open = self.wants.values().filter(|pursuit| !pursuit.is_settled(now));
+        let orders = open.map(|pursuit| pursuit.ordering.next(now)).min();
+        let orders = orders.map(|at| Deadline { at, why: "orders" });
+        let greets = self.greeted.filter(|_| self.linked.is_some() && self.settings.greets);
+        let greets = greets.map(|at| Deadline { at: at + GREETS_EVERY, why: "greets" });
+        let script = self.script.as_ref().and_then(ScriptRun::deadline);
+        let script = script.map(|(at, why)| Deadline { at, why });
+        Deadline::earlier(Deadline::earlier(orders, greets), script)
+    }
+}
+
+impl Pursuit {
+    /// Looks how it stands.
+    fn turn(&mut self, now: Time) -> Turn {
+        if self.is_in_force {
+            let is_lost = self.ordering.is_lost(now);
+            return if is_lost { Turn::Ended(self.ordering.outcome_so_far(now)) } else { Turn::GoesOn };
+        }
+        match self.ordering.outcome(now) {
+            None => Turn::GoesOn,
+            Some(outcome) if self.ordering.stands() && outcome.is_done() => {
+                self.is_in_force = true;
+                Turn::InForce(outcome)
+            }
+            Some(outcome) => Turn::Ended(outcome),
+        }
+    }
+
+    /// Returns whether there is nothing to do until something is heard.
+    fn is_settled(&self, now: Time) -> bool {
+        self.is_in_force && self.ordering.is_settled(now)
+    }
+}
+
+impl Actor for Operator {
+    type In = In;
+    type Out = Out;
+
+    fn handle(&mut self, now: Time, input: In, out: &mut Vec<Out>) -> Result<(), Fault> {
+        match input {
+            In::Bus(heard) => self.hear(now, &heard),
+            In::Linked(is_linked) => {
+                self.linked = self.linked.filter(|_| is_linked).or(is_linked.then_some(now));
+            }
+            In::Want(number, want) => self.take_up(now, WantId::Hand(number), want, out),
+            In::Withdraw(number) => self.give_up(now, |id, _| id == WantId::Hand(number), out),
+            In::Follow(steps) => {
+                self.script = Some(ScriptRun::new(now, steps));
+                self.last_want = LastWant::Open;
+            }
+            In::CueDone => {
+                if let Some(script) = &mut self.script {
+                    script.cue_done();
+                }
+            }
+        }
+        self.turn(now, out);
+        Ok(())
+    }
+
+    fn deadline(&self) -> Option<Deadline> {
+        self.next
+    }
+
+    fn wake(&mut self, now: Time, out: &mut Vec<Out>) -> Result<(), Fault> {
+        self.turn(now, out);
+        Ok(())
+    }
+}
+
+/// Which inputs replace unread ones.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub enum Key {
+    /// The newest state of a vehicle.
+    State(VehicleId),
+    /// The newest report of a ground station, by its store.
+    Report(u64),
+    /// Whether anyone can be reached.
+    Linked,
+    /// A want by hand.
+    Want(u32),
+    /// That a want by hand is withdrawn.
+    Withdraw(u32),
+    /// The script to follow.
+    Follow,
+    /// The last cue.
+    CueDone,
+}
+
+impl Input for In {
+    type Key = Key;
+
+    fn class(&self) -> Class<Key> {
+        match self {
+            In::Bus(Heard::Message(_, Message::State(state))) => Class::Latest(Key::State(state.vehicle)),
+            In::Bus(Heard::Message(_, Message::Report(report))) => Class::Latest(Key::Report(report.store)),
+            In::Bus(Heard::Message(..) | Heard::Greeting(..) | Heard::Unknown(_)) => Class::Queue,
+            In::Linked(_) => Class::Latest(Key::Linked),
+            In::Want(number, _) => Class::Latest(Key::Want(*number)),
+            In::Withdraw(number) => Class::Latest(Key::Withdraw(*number)),
+            In::Follow(_) => Class::Latest(Key::Follow),
+            In::CueDone => Class::Latest(Key::CueDone),
+        }
+    }
+
+    /// Of two states of one start of a vehicle's software the later one stays, whichever came last; which start counts is
+    /// judged by who has heard both.
+    fn join(unread: In, newer: In) -> In {
+        let state = |input: &In| match input {
+            In::Bus(Heard::Message(_, Message::State(state))) => Some((state.boot, state.sequence)),
+            In::Bus(_) | In::Linked(_) | In::Want(..) | In::Withdraw(_) | In::Follow(_) | In::CueDone => None,
+        };
+        match (state(&unread), state(&newer)) {
+            (Some(was), Some(is)) if was.0 == is.0 && was > is => unread,
+            (_, _) => newer,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,389 @@
+//! The operator in virtual time, against vehicles that obey what is above their echo.
+
+use tomoswarm_proto::{
+    Boot, Lease, OperatorId, Order, OrderKind as Kind, Report, RunId, Sender, StationPhase,
+};
+
+use super::super::outcome::{Refusal, VehicleOutcome};
+use super::super::script::Condition;
+use super::super::status::Expected;
+use super::super::tests_support::{Rover, at, heard, report};
+use super::*;
+use crate::actor::Seat;
+
+const OWN: u64 = 7;
+const TICK: Duration = Duration::from_millis(20);
+
+fn settings(greets: bool) -> OperatorSettings {
+    let hello = Hello {
+        node: Sender::Operator(OperatorId(1)),
+        boot: Boot(0),
+        venue_hash: 5,
+        instance: 1,
+        is_member: true,
+        member_for_s: 0,
+        software: "0.1.0".to_owned(),
+        capabilities: vec![],
+        name: String::new(),
+        lease: None,
+        interest: vec![],
+    };
+    OperatorSettings { hello, greets, holder: OWN, expected: BTreeSet::new(), possible: BTreeSet::new() }
+}
+
+fn want(kind: Kind) -> Want {
+    Want {
+        kind,
+        vehicles: BTreeSet::new(),
+        run: None,
+        begins: true,
+        take_over: false,
+        within: Duration::from_secs(5),
+    }
+}
+
+fn only(kind: Kind, vehicle: u8) -> Want {
+    Want { vehicles: BTreeSet::from([VehicleId(vehicle)]), ..want(kind) }
+}
+
+/// A small world: what is said arrives within a tick of 20 ms; states come every 200 ms, a report every second.
+struct World {
+    now: Time,
+    operator: Seat<Operator>,
+    rovers: Vec<Rover>,
+    report: Option<Report>,
+    orders: Vec<(Time, Order)>,
+    greetings: usize,
+    said: Vec<Out>,
+}
+
+impl World {
+    fn new(rovers: Vec<Rover>) -> World {
+        let mut operator = Seat::new(Operator::new(settings(true)));
+        operator.push(In::Linked(true));
+        let now = Time::ZERO;
+        World { now, operator, rovers, report: None, orders: vec![], greetings: 0, said: vec![] }
+    }
+
+    fn tell(&mut self, input: In) {
+        self.operator.push(input);
+    }
+
+    fn tick(&mut self) {
+        let mut published = Vec::new();
+        let said = &mut self.said;
+        let sort = |out| match out {
+            Out::Publish(message) => published.push(message),
+            out => said.push(out),
+        };
+        self.operator.act(self.now, sort).unwrap();
+        for message in published {
+            match message {
+                Message::Order(order) => {
+                    self.rovers.iter_mut().for_each(|rover| rover.obey(&order));
+                    self.orders.push((self.now, order));
+                }
+                Message::Hello(_) => self.greetings += 1,
+                other => panic!("an operator does not say {other:?}"),
+            }
+        }
+        self.now = self.now + TICK;
+        let tick = self.now.as_nanos() / 20_000_000;
+        if tick.is_multiple_of(10) {
+            self.rovers.iter_mut().for_each(|rover| self.operator.push(In::Bus(rover.say())));
+        }
+        if let Some(report) = self.report.as_ref().filter(|_| tick.is_multiple_of(50)) {
+            self.operator.push(In::Bus(heard(Message::Report(report.clone()))));
+        }
+    }
+
+    fn run(&mut self, for_s: f64) {
+        let end = self.now + Duration::from_secs_f64(for_s);
+        while self.now < end {
+            self.tick();
+        }
+    }
+
+    fn kinds(&self) -> Vec<Option<Kind>> {
+        self.rovers.iter().map(|rover| rover.state.ordered.kind).collect()
+    }
+
+    fn ended(&self) -> Vec<(WantId, &Outcome)> {
+        let ended = |out: &Out| matches!(out, Out::Ended(..));
+        let all = self.said.iter().filter(|out| ended(out));
+        all.filter_map(|out| if let Out::Ended(id, outcome) = out { Some((*id, outcome)) } else { None })
+            .collect()
+    }
+}
+
+/// A report of an idle ground station that knows vehicle 1 only.
+fn of_one() -> Report {
+    Report { members: vec![VehicleId(1)], ..report() }
+}
+
+fn follow(world: &mut World, steps: &[Step]) {
+    world.tell(In::Follow(steps.to_vec()));
+}
+
+#[test]
+fn a_want_by_hand_ends_when_every_state_shows_it_and_then_nothing_is_sent() {
+    let mut world = World::new(vec![Rover::new(1), Rover::new(2)]);
+    world.run(1.0);
+    world.tell(In::Want(3, want(Kind::Hold)));
+    world.run(3.0);
+    let ended = world.ended();
+    assert!(ended.len() == 1 && ended[0].0 == WantId::Hand(3) && ended[0].1.is_done(), "{:?}", world.said);
+    let sent = world.orders.len();
+    world.rovers[0].restart();
+    world.run(5.0);
+    assert_eq!((world.orders.len(), world.kinds()), (sent, vec![None, Some(Kind::Hold)]));
+}
+
+#[test]
+fn a_want_of_a_script_stands_and_whoever_restarts_is_told_again() {
+    let mut world = World::new(vec![Rover::new(1), Rover::new(2)]);
+    follow(&mut world, &[Step::Want(want(Kind::Start))]);
+    world.run(4.0);
+    assert!(
+        matches!(world.said[..], [Out::ScriptEnded(_), Out::InForce(WantId::Script(0), _)]),
+        "{:?}",
+        world.said
+    );
+    // Far later than the time in which it had to be brought about.
+    world.run(20.0);
+    for vehicle in [0, 1] {
+        world.rovers[vehicle].restart();
+        world.run(1.0);
+        assert_eq!(world.kinds(), [Some(Kind::Start); 2]);
+    }
+    assert_eq!(world.ended(), []);
+}
+
+#[test]
+fn what_somebody_else_has_ordered_since_is_neither_fought_nor_undone_by_a_restart() {
+    for lease in [Lease { number: 1, holder: OWN }, Lease { number: 2, holder: 99 }] {
+        let mut world = World::new(vec![Rover::new(1), Rover::new(2)]);
+        follow(&mut world, &[Step::Want(want(Kind::Start))]);
+        world.run(4.0);
+        let sent = world.orders.len();
+        world.rovers[0].state.ordered = Rover::ordered(1, lease, 9, Kind::Hold).state.ordered;
+        world.run(1.0);
+        world.rovers[0].restart();
+        world.run(5.0);
+        assert_eq!((world.kinds(), world.orders.len()), (vec![None, Some(Kind::Start)], sent), "{lease:?}");
+    }
+}
+
+#[test]
+fn after_a_take_over_the_former_operator_tells_nobody_who_restarts() {
+    let mut world = World::new(vec![Rover::new(1), Rover::new(2)]);
+    follow(&mut world, &[Step::Want(want(Kind::Start))]);
+    world.run(4.0);
+    let other = Lease { number: 2, holder: 99 };
+    world.rovers[0].state.ordered = Rover::ordered(1, other, 1, Kind::Start).state.ordered;
+    world.run(1.0);
+    world.rovers[1].restart();
+    world.run(3.0);
+    assert_eq!(world.kinds(), [Some(Kind::Start), None]);
+}
+
+#[test]
+fn the_grounds_own_orders_after_a_start_do_not_end_it() {
+    let mut world = World::new(vec![Rover::new(1)]);
+    world.report = Some(of_one());
+    world.run(1.5);
+    follow(&mut world, &[Step::Want(want(Kind::Start))]);
+    world.run(2.0);
+    let lease = world.rovers[0].state.ordered.lease;
+    assert_eq!(lease, of_one().lease);
+    world.report = Some(Report { phase: StationPhase::Stopping, run: RunId(1), ..of_one() });
+    world.rovers[0].state.ordered = Rover::ordered(1, lease, 5, Kind::Hold).state.ordered;
+    world.run(6.0);
+    assert_eq!(world.ended(), []);
+    world.rovers[0].restart();
+    world.run(1.0);
+    assert_eq!(world.kinds(), [Some(Kind::Start)]);
+    // What an operator has ordered stands, by the report.
+    world.report = Some(Report { in_force: Some(Kind::Hold), ..of_one() });
+    world.rovers[0].state.ordered = Rover::ordered(1, lease, 9, Kind::Hold).state.ordered;
+    world.run(6.0);
+    assert_eq!(world.ended().len(), 1, "nobody is left for whom it stands");
+}
+
+#[test]
+fn a_later_want_takes_the_place_of_an_earlier_one_on_the_vehicles_that_both_name() {
+    let mut world = World::new(vec![Rover::new(1), Rover::new(2)]);
+    follow(&mut world, &[Step::Want(want(Kind::Start))]);
+    world.run(4.0);
+    world.tell(In::Want(1, only(Kind::Hold, 2)));
+    world.run(1.0);
+    assert_eq!(world.kinds(), [Some(Kind::Start), Some(Kind::Hold)]);
+    world.rovers.iter_mut().for_each(Rover::restart);
+    world.run(3.0);
+    assert_eq!(world.kinds(), [Some(Kind::Start), None]);
+    world.tell(In::Want(2, want(Kind::Return)));
+    world.run(1.0);
+    assert!(world.ended().iter().any(|(id, _)| *id == WantId::Script(0)), "nothing is left of it");
+}
+
+#[test]
+fn a_start_of_another_run_is_refused_by_hand_and_awaited_by_a_script() {
+    let under_way = Report { phase: StationPhase::Running, run: RunId(1), ..of_one() };
+    let of_seven = Want { run: Some(RunId(7)), ..want(Kind::Start) };
+    let mut world = World::new(vec![Rover::new(1)]);
+    world.report = Some(under_way.clone());
+    world.tell(In::Want(0, of_seven.clone()));
+    world.run(3.0);
+    let refused = Refusal::UnderWay { under_way: RunId(1), asked: RunId(7) };
+    assert_eq!(world.ended()[0].1.refused, Some(refused));
+    assert_eq!((world.orders.len(), world.ended()[0].1.is_done()), (0, false));
+    // The run that is under way may be told again, and what stops is never refused.
+    world.tell(In::Want(1, Want { run: Some(RunId(1)), ..want(Kind::Start) }));
+    world.run(1.0);
+    world.tell(In::Want(2, Want { run: Some(RunId(7)), ..want(Kind::Hold) }));
+    world.run(1.0);
+    assert!(world.ended()[1..].iter().all(|(_, outcome)| outcome.is_done()), "{:?}", world.said);
+    let sent = world.orders.len();
+    follow(&mut world, &[Step::Want(of_seven)]);
+    world.run(2.0);
+    assert_eq!(world.orders.len(), sent);
+    world.report = Some(Report { phase: StationPhase::Idle, ..under_way });
+    world.run(2.0);
+    assert_eq!(world.rovers[0].state.ordered.run, RunId(7));
+}
+
+#[test]
+fn an_emergency_of_before_is_not_taken_for_the_one_that_is_wanted_now() {
+    let mut world = World::new(vec![Rover::new(1), Rover::new(2)]);
+    world.tell(In::Want(0, Want { take_over: true, ..want(Kind::Emergency) }));
+    world.run(2.0);
+    assert!(world.ended()[0].1.is_done());
+    // Of the first one nothing is heard any more: it may have been started anew, and know nothing of it.
+    world.rovers.remove(0);
+    world.tell(In::Want(1, only(Kind::Emergency, 1)));
+    world.run(5.5);
+    assert_eq!(world.ended()[1].1.vehicles, [(VehicleId(1), VehicleOutcome::Ignored)].into());
+}
+
+#[test]
+fn with_take_over_the_lease_in_force_is_outbid_once_and_without_it_it_is_joined() {
+    let theirs = Lease { number: 4, holder: 44 };
+    for (take_over, lease) in [(false, theirs), (true, Lease { number: 5, holder: OWN })] {
+        let mut world = World::new(vec![Rover::ordered(1, theirs, 3, Kind::Start)]);
+        for number in 0..3 {
+            world.tell(In::Want(number, Want { take_over, ..want(Kind::Hold) }));
+            world.run(2.0);
+            assert_eq!(world.rovers[0].state.ordered.lease, lease);
+        }
+    }
+}
+
+#[test]
+fn it_greets_while_anyone_can_be_reached_and_who_only_looks_says_nothing() {
+    let mut world = World::new(vec![]);
+    world.run(5.0);
+    world.tell(In::Linked(false));
+    world.run(5.0);
+    assert_eq!(world.greetings, 3);
+    let mut viewer = Seat::new(Operator::new(settings(false)));
+    viewer.push(In::Linked(true));
+    viewer.push(In::Bus(Rover::new(1).say()));
+    let mut said = Vec::new();
+    viewer.act(at(1.0), |out| said.push(out)).unwrap();
+    assert_eq!((said, viewer.deadline()), (vec![], None));
+    assert!(viewer.actor().view().state(VehicleId(1)).is_some());
+}
+
+#[test]
+fn a_want_that_is_withdrawn_is_over_at_once() {
+    let mut world = World::new(vec![]);
+    world.tell(In::Want(0, only(Kind::Hold, 1)));
+    world.run(1.0);
+    world.tell(In::Withdraw(0));
+    world.run(0.1);
+    assert_eq!(world.ended()[0].1.vehicles, [(VehicleId(1), VehicleOutcome::Unheard)].into());
+}
+
+#[test]
+fn a_script_goes_on_as_the_fleet_shows_it_and_as_its_cues_are_done() {
+    let within = Duration::from_secs(10);
+    let expected = Expected { vehicles: [VehicleId(1)].into(), ground: true };
+    let run_one = Want { run: Some(RunId(1)), ..want(Kind::Start) };
+    let steps = [
+        Step::Wait { until: Condition::Heard(expected), within },
+        Step::Delay(Duration::from_secs(2)),
+        Step::Want(run_one),
+        Step::Wait { until: Condition::InForce, within },
+        Step::Wait { until: Condition::RunEnded(RunId(1)), within },
+        Step::Cue { name: "enter".to_owned(), within },
+        Step::Want(want(Kind::Return)),
+        Step::Wait {
+            until: Condition::AtHome([(VehicleId(1), crate::geom::Point::new(1.0, 1.0))].into()),
+            within,
+        },
+    ];
+    let mut world = World::new(vec![Rover::new(1)]);
+    follow(&mut world, &steps);
+    world.run(1.0);
+    world.report = Some(of_one());
+    world.run(1.9);
+    assert_eq!(world.orders, [], "it lets two seconds pass");
+    world.run(3.0);
+    assert_eq!(world.kinds(), [Some(Kind::Start)]);
+    world.report = Some(Report { run: RunId(1), laps: 3, laps_done: 3, ..of_one() });
+    world.run(2.0);
+    assert_eq!(world.said.last(), Some(&Out::Cue("enter".to_owned())));
+    world.run(1.0);
+    assert_eq!(world.kinds(), [Some(Kind::Start)], "the cue is not done yet");
+    world.tell(In::CueDone);
+    world.run(2.0);
+    assert_eq!(world.kinds(), [Some(Kind::Return)]);
+    assert!(world.said.contains(&Out::ScriptEnded(ScriptEnd::Done)), "{:?}", world.said);
+}
+
+#[test]
+fn a_script_that_waits_for_what_never_comes_ends_with_a_reason_after_its_limit() {
+    let within = Duration::from_secs(4);
+    let never = |step: Step, why: &str| {
+        let mut world = World::new(vec![Rover::new(1)]);
+        follow(&mut world, &[Step::Delay(Duration::from_secs(1)), step, Step::Want(want(Kind::Hold))]);
+        world.run(4.9);
+        assert_eq!(world.said.iter().filter(|out| matches!(out, Out::ScriptEnded(_))).count(), 0, "{why}");
+        world.run(0.2);
+        let end = ScriptEnd::GaveUp { step: 1, why: why.to_owned() };
+        assert_eq!(world.said.last(), Some(&Out::ScriptEnded(end)));
+        world.run(10.0);
+        assert_eq!(world.orders, [], "what comes after it is not wanted");
+    };
+    let expected = Expected { vehicles: [VehicleId(1), VehicleId(2)].into(), ground: true };
+    let wait = |until| Step::Wait { until, within };
+    let silent = "not heard: vehicle 2, the ground station, within 4.0 s";
+    never(wait(Condition::Heard(expected)), silent);
+    never(wait(Condition::RunEnded(RunId(1))), "not shown: run 1 has ended, within 4.0 s");
+    never(wait(Condition::InForce), "not shown: every vehicle shows the order, within 4.0 s");
+    let homes = [(VehicleId(1), crate::geom::Point::new(9.0, 1.0))].into();
+    never(wait(Condition::AtHome(homes)), "not at home: vehicle 1, within 4.0 s");
+    never(Step::Cue { name: "enter".to_owned(), within }, "\"enter\" was not done within 4.0 s");
+}
+
+#[test]
+fn a_script_whose_want_fails_ends_with_the_reason() {
+    let mut world = World::new(vec![Rover::new(1)]);
+    let until = Condition::InForce;
+    let steps = [Step::Want(only(Kind::Hold, 2)), Step::Wait { until, within: Duration::from_secs(60) }];
+    follow(&mut world, &steps);
+    world.run(5.1);
+    let end = ScriptEnd::GaveUp { step: 1, why: "vehicle 2 is not heard".to_owned() };
+    assert_eq!(world.said.last(), Some(&Out::ScriptEnded(end)));
+}
+
+#[test]
+fn of_two_unread_states_the_later_one_stays_whichever_came_last() {
+    let mut rover = Rover::new(1);
+    let (first, second) = (In::Bus(rover.say()), In::Bus(rover.say()));
+    assert_eq!(In::join(first.clone(), second.clone()), second);
+    assert_eq!(In::join(second.clone(), first), second);
+    rover.restart();
+    let anew = In::Bus(rover.say());
+    assert_eq!(In::join(second, anew.clone()), anew);
+}

@@ -1,0 +1,467 @@
+//! An order on its way: what is sent to whom, and when it is over. Pure: it is told what was heard and the time, says what
+//! to send, and is done when every vehicle's State shows the order, or the time is up.
+//!
+//! ```text
+//!   unheard ──State──► issued ──State shows it──► obeyed
+//!      │                │  ▲ └─a higher order of another kind─► contested (a start that the ground brings about)
+//!      │ (emergency)    │  └── the echo fell back: started anew     │ the ground stands by it      │ it does not
+//!      ▼                ▼                                           ▼                              ▼
+//!   sent blindly     sent again every 100 ms                      obeyed                       overruled
+//! ```
+//!
+//! **By whose right.** The greatest lease that a State echoes or a live ground station's Report holds; where nobody holds
+//! one, number 1 with an own holder. With `take_over` the number after it with an own holder. The revision is the
+//! vehicle's echo + 1 within that lease, 1 in another one. To start or to return waits for a Report, or 1.5 s, so that the
+//! ground's lease is known; what makes a vehicle stop waits for nothing but its State.
+//!
+//! **Emergencies** do not wait for a State either. A vehicle obeys only what is above its echo, so to one that was not heard
+//! within 100 ms the order goes under a lease that lies 1024 above the greatest number heard, then 2048, 4096 … with every
+//! 300 ms of silence, up to 2³¹; from there on with holder 0, which wins a tie, and with doubled revisions. Leases grow by
+//! one with a take-over, so the first one is obeyed unless that was done before. Nobody is locked out by it: who orders
+//! next reads this lease in State and goes on above it, a ground station that stood by takes the number after it, and
+//! above 2³¹ there is room for two thousand million take-overs.
+//!
+//! **Others.** Of the same lease, the stronger kind insists: a hold goes out again above a start that came in between,
+//! never the other way round. A ground station that begins what was started brings everyone to rest first: its Hold
+//! after our Start is no contradiction when its Report says that nothing stands. Whatever else is above ours has
+//! overruled it. An emergency gives way to nothing but the cutting of motors.
+//!
+//! **Refused.** A start of a run while the ground station drives another one would be obeyed by every vehicle, and nothing
+//! would come of it: it is not sent. By hand it is over at once and names the run; an order that stands waits.
+//!
+//! **Standing.** An order by hand is over when it is obeyed. One that [stands](Ordering::standing) is told again to whoever
+//! was started anew since, until somebody has ordered something else, or a greater lease is in force than its own.
+//!
+//! **Strangers.** Who greets with another venue file or wire version does not listen to this operator: it is named and not
+//! sent anything but an emergency, which it obeys whatever its venue file says.
+
+mod delivery;
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::time::Duration;
+
+use tomoswarm_proto::{
+    Lease, Order, OrderKind, Report, Revision, RunId, SeenState, Sender, State, StationPhase, VehicleId,
+};
+
+use self::delivery::{CONTEST, Delivery, Issued};
+use super::Heard;
+use super::fleet_view::{FleetView, Fresh, Misfit};
+use super::outcome::{Outcome, Refusal, VehicleOutcome};
+use crate::time::Time;
+
+/// An order is repeated this often.
+const REPEAT: Duration = Duration::from_millis(100);
+/// For so long everyone who is there, and the ground's lease, is listened for.
+const LISTEN: Duration = Duration::from_millis(1500);
+/// An emergency waits so long for a state at most, counted from when anyone can be reached.
+const BLIND_AFTER: Duration = Duration::from_millis(100);
+/// An emergency to somebody unheard rises this often.
+const RISES: Duration = Duration::from_millis(300);
+/// A vehicle whose newest state is older is not known to be there.
+const SILENT_AFTER: Duration = Duration::from_secs(2);
+/// So often a stronger order goes above a weaker one of the same lease.
+const INSIST: u32 = 3;
+/// The first step above the greatest lease heard of an emergency to somebody unheard, and where its numbers end.
+const FIRST_STEP: u32 = 10;
+const HIGHEST: u32 = 1 << 31;
+/// The last revision that may be given; one more is refused by everyone.
+const LAST_REVISION: u32 = u32::MAX - 1;
+
+/// What one ordering is to bring about, and what its operator knew before.
+#[derive(Clone, PartialEq, Eq, Debug)]
+pub struct Instruction {
+    /// What to do.
+    pub kind: OrderKind,
+    /// Whether a start begins a new run when the ground station is idle (otherwise it goes on with the present one).
+    pub begins: bool,
+    /// Whom it is for; empty = all.
+    pub vehicles: BTreeSet<VehicleId>,
+    /// When it is for all: who is known to be there without being heard.
+    pub expected: BTreeSet<VehicleId>,
+    /// Whoever might be there besides: an emergency goes to them too.
+    pub possible: BTreeSet<VehicleId>,
+    /// In which run; `None` = as above.
+    pub run: Option<RunId>,
+    /// Whether a lease is taken from whoever holds it.
+    pub take_over: bool,
+    /// Random id of this operator.
+    pub holder: u64,
+    /// Hash of the operator's venue file: who has another one does not listen to it.
+    pub venue_hash: u64,
+    /// When it is given up.
+    pub timeout: Duration,
+}
+
+/// An order on its way.
+#[derive(Clone, Debug)]
+pub struct Ordering {
+    instruction: Instruction,
+    began: Time,
+    /// Since when anyone can be reached.
+    linked: Option<Time>,
+    /// Everyone who is there has been listened for before.
+    has_listened: bool,
+    view: FleetView,
+    deliveries: BTreeMap<VehicleId, Delivery>,
+    run: Option<RunId>,
+    refused: Option<Refusal>,
+    stands: bool,
+    withdrawn: BTreeSet<VehicleId>,
+}
+
+impl Ordering {
+    /// Begins.
+    pub fn new(now: Time, instruction: Instruction) -> Ordering {
+        Ordering {
+            instruction,
+            began: now,
+            linked: None,
+            has_listened: false,
+            view: FleetView::default(),
+            deliveries: BTreeMap::new(),
+            run: None,
+            refused: None,
+            stands: false,
+            withdrawn: BTreeSet::new(),
+        }
+    }
+
+    /// Takes over what is known already, but for vehicles that have fallen silent; `has_listened` tells whether that is of
+    /// everyone who is there.
+    pub fn knowing(self, view: &FleetView, has_listened: bool) -> Ordering {
+        let mut view = view.clone();
+        view.forget_states_before(self.began - SILENT_AFTER);
+        Ordering { view, has_listened, ..self }
+    }
+
+    /// Makes an order that stands: whoever is started anew is told again.
+    pub fn standing(self) -> Ordering {
+        Ordering { stands: true, ..self }
+    }
+
+    /// Returns whether it stands after it was obeyed.
+    pub fn stands(&self) -> bool {
+        self.stands
+    }
+
+    /// Leaves these vehicles alone from now on, since its operator wants something else of them; empty = all.
+    pub fn withdraw(&mut self, now: Time, vehicles: &BTreeSet<VehicleId>) {
+        let all = if vehicles.is_empty() { self.targets(now) } else { vehicles.clone() };
+        self.withdrawn.extend(all);
+    }
+
+    /// Returns whether nobody is left whom it concerns.
+    pub fn is_withdrawn(&self, now: Time) -> bool {
+        let targets = self.targets(now);
+        !self.withdrawn.is_empty() && targets.is_subset(&self.withdrawn)
+    }
+
+    /// Returns whether nobody is left for whom it stands: somebody has ordered all of them something else.
+    pub fn is_lost(&self, now: Time) -> bool {
+        let is_overruled =
+            |id: &VehicleId| self.deliveries.get(id).is_some_and(|delivery| delivery.overruled.is_some());
+        self.targets(now).iter().all(|id| self.withdrawn.contains(id) || is_overruled(id))
+    }
+
+    /// Returns whether there is nothing to do until something is heard.
+    pub fn is_settled(&self, now: Time) -> bool {
+        let is_settled = |id: &VehicleId| {
+            let delivery = self.deliveries.get(id);
+            delivery.is_some_and(|delivery| delivery.is_over() && delivery.doubted.is_none())
+        };
+        self.targets(now).iter().all(|id| self.withdrawn.contains(id) || is_settled(id))
+    }
+
+    /// Takes what came over the bus.
+    pub fn hear(&mut self, now: Time, heard: &Heard) {
+        self.view.hear(now, heard);
+        let ids: Vec<VehicleId> = self.deliveries.keys().copied().collect();
+        ids.into_iter().for_each(|id| self.judge(now, id));
+    }
+
+    /// Returns the orders that are due; `is_linked` tells whether anyone can be reached.
+    pub fn act(&mut self, now: Time, is_linked: bool) -> Vec<Order> {
+        if is_linked {
+            self.linked.get_or_insert(now);
+        }
+        if self.deliveries.values().all(|delivery| delivery.first_at.is_none()) {
+            self.refused = self.refusal(now);
+        }
+        if self.refused.is_some() {
+            return Vec::new();
+        }
+        let mut due = Vec::new();
+        for id in self.addressees(now) {
+            self.settle(now, id);
+            if !self.is_emergency() && self.misfit(id).is_some() {
+                continue;
+            }
+            due.extend(self.due(now, id));
+        }
+        due
+    }
+
+    /// Returns when to act next at the latest.
+    pub fn next(&self, now: Time) -> Time {
+        let sent =
+            self.deliveries.values().filter_map(|delivery| delivery.sent_at.filter(|_| !delivery.is_over()));
+        // What waits for something else than its turn was due before.
+        let repeated = sent.map(|at| at + REPEAT).filter(|at| *at > now).min();
+        let given_up = Some(self.began + self.instruction.timeout).filter(|at| *at > now);
+        let looked = now + REPEAT / 2;
+        [repeated, given_up].into_iter().flatten().fold(looked, Time::min)
+    }
+
+    /// Returns what became of it once it is over.
+    pub fn outcome(&self, now: Time) -> Option<Outcome> {
+        let outcomes = self.outcomes(now);
+        let is_emergency = self.is_emergency();
+        let is_open = |outcome: &VehicleOutcome| match outcome {
+            VehicleOutcome::Ignored | VehicleOutcome::Unheard => true,
+            // In an emergency it may still obey.
+            VehicleOutcome::Foreign(_) => is_emergency,
+            VehicleOutcome::Obeyed { .. } | VehicleOutcome::Overruled(_) | VehicleOutcome::Withdrawn => false,
+        };
+        if self.refused.is_some() && !self.stands {
+            return Some(self.outcome_so_far(now));
+        }
+        let knows_all = !self.instruction.vehicles.is_empty()
+            || !self.instruction.expected.is_empty()
+            || self.has_listened(now);
+        let is_over = knows_all && !outcomes.is_empty() && !outcomes.values().any(is_open);
+        (is_over || now.since(self.began) >= self.instruction.timeout).then(|| self.outcome_so_far(now))
+    }
+
+    /// Returns what became of it so far.
+    pub fn outcome_so_far(&self, now: Time) -> Outcome {
+        let issued = self.deliveries.values().filter_map(|delivery| delivery.issued);
+        let lease = issued.filter(|issued| !issued.is_blind).map(|issued| issued.lease).max();
+        let vehicles = if self.refused.is_some() { BTreeMap::new() } else { self.outcomes(now) };
+        Outcome { vehicles, lease, run: self.run, refused: self.refused }
+    }
+
+    /// Decides whether a run is asked for that cannot begin; before anything is sent.
+    fn refusal(&self, now: Time) -> Option<Refusal> {
+        let asked = self.instruction.run.filter(|_| self.instruction.kind == OrderKind::Start)?;
+        let Report { phase, run: under_way, .. } = &self.view.ground(now)?.value;
+        let under_way = *under_way;
+        let is_driven = match phase {
+            StationPhase::Stopping | StationPhase::Planning | StationPhase::Running => true,
+            StationPhase::Idle | StationPhase::Waiting | StationPhase::Closing => false,
+        };
+        (is_driven && under_way != asked).then_some(Refusal::UnderWay { under_way, asked })
+    }
+
+    fn outcomes(&self, now: Time) -> BTreeMap<VehicleId, VehicleOutcome> {
+        let nothing = Delivery::default();
+        let of = |id| {
+            let delivery = self.deliveries.get(&id).unwrap_or(&nothing);
+            let outcome = delivery.outcome(self.view.state(id).is_some());
+            match (outcome, self.misfit(id)) {
+                (VehicleOutcome::Ignored | VehicleOutcome::Unheard, _) if self.withdrawn.contains(&id) => {
+                    (id, VehicleOutcome::Withdrawn)
+                }
+                (VehicleOutcome::Ignored | VehicleOutcome::Unheard, Some(misfit)) => {
+                    (id, VehicleOutcome::Foreign(misfit))
+                }
+                (outcome, _) => (id, outcome),
+            }
+        };
+        self.targets(now).into_iter().map(of).collect()
+    }
+
+    /// Returns why a vehicle does not listen to this operator, if it does not.
+    fn misfit(&self, id: VehicleId) -> Option<Misfit> {
+        self.view.misfit(Sender::Vehicle(id), self.instruction.venue_hash)
+    }
+
+    /// Returns who must obey.
+    fn targets(&self, now: Time) -> BTreeSet<VehicleId> {
+        if !self.instruction.vehicles.is_empty() {
+            return self.instruction.vehicles.clone();
+        }
+        let members = self.view.ground(now).map(|report| report.value.members.clone()).unwrap_or_default();
+        let heard = self.view.vehicles().filter(|(_, seen)| seen.state.is_some()).map(|(id, _)| id);
+        self.instruction.expected.iter().copied().chain(members).chain(heard).collect()
+    }
+
+    /// Returns to whom it is sent: in an emergency also to those of whom nothing is known.
+    fn addressees(&self, now: Time) -> BTreeSet<VehicleId> {
+        let mut all = self.targets(now);
+        if self.is_emergency() && self.instruction.vehicles.is_empty() {
+            all.extend(&self.instruction.possible);
+        }
+        all.retain(|id| !self.withdrawn.contains(id));
+        all
+    }
+
+    fn is_emergency(&self) -> bool {
+        self.instruction.kind.is_emergency()
+    }
+
+    /// Compares what a vehicle says it was ordered with what was sent to it.
+    fn judge(&mut self, now: Time, id: VehicleId) {
+        let (kind, is_emergency, holder) =
+            (self.instruction.kind, self.is_emergency(), self.instruction.holder);
+        let ground = self.view.ground(now).map(|report| report.value.in_force);
+        let (in_force, stands) = (self.view.lease(now), self.stands);
+        let Some(state) = self.view.state(id) else { return };
+        let echo = state.value.ordered;
+        let Some(delivery) = self.deliveries.get_mut(&id) else { return };
+        let Some(issued) = delivery.issued else { return };
+        // Of an emergency sent blindly an earlier, lower one may have been obeyed.
+        let is_of_this = delivery.lowest.is_some_and(|lowest| echo.edition() >= lowest);
+        let is_own = is_emergency && is_of_this && echo.lease.holder == holder && echo.kind == Some(kind);
+        let is_above = echo.edition() >= (issued.lease, issued.revision);
+        let Some(theirs) = echo.kind.filter(|_| is_above || is_own) else {
+            // It was never obeyed, or the vehicle has been started anew and knows nothing of it.
+            if stands && delivery.obeyed.is_some() {
+                delivery.forget(in_force);
+            }
+            (delivery.obeyed, delivery.contested) = (None, None);
+            return;
+        };
+        let is_same_lease = echo.lease == issued.lease;
+        if delivery.obeyed.is_some() && stands {
+            let is_by_ground = is_same_lease && ground == Some(None);
+            delivery.doubt(now, echo, theirs == kind || is_by_ground);
+        }
+        if delivery.obeyed.is_some() || delivery.overruled.is_some() {
+            return;
+        }
+        if theirs == kind {
+            delivery.obeyed = Some((now, false));
+        } else if kind.strength() > theirs.strength()
+            && (is_emergency || issued.is_blind || is_same_lease && delivery.insisted < INSIST)
+        {
+            delivery.insisted += 1;
+            (delivery.issued, delivery.sent_at) = (None, None);
+        } else if kind == OrderKind::Start && is_same_lease && ground.is_some() {
+            let since = delivery.contested.map_or(now, |(since, _)| since);
+            delivery.contested = Some((since, echo));
+        } else {
+            delivery.overruled = Some(echo);
+        }
+    }
+
+    /// Decides whether what came above a start is the ground station bringing it about.
+    fn settle(&mut self, now: Time, id: VehicleId) {
+        let report = self.view.ground(now);
+        let Some(delivery) = self.deliveries.get_mut(&id) else { return };
+        let Some((since, echo)) = delivery.contested.filter(|_| !delivery.is_over()) else { return };
+        let brings_about = |report: &Fresh<Report>| {
+            report.at >= since && report.value.in_force.is_none() && report.value.phase != StationPhase::Idle
+        };
+        if report.is_some_and(brings_about) {
+            delivery.obeyed = Some((since, true));
+        } else if report.is_none() || now.since(since) >= CONTEST {
+            delivery.overruled = Some(echo);
+        }
+    }
+
+    fn due(&mut self, now: Time, id: VehicleId) -> Option<Order> {
+        let delivery = self.deliveries.entry(id).or_default();
+        let waits = delivery.sent_at.is_some_and(|at| now.since(at) < REPEAT);
+        if delivery.is_over() || delivery.contested.is_some() || waits {
+            return None;
+        }
+        let issued = match delivery.issued {
+            Some(issued) if !issued.is_blind => issued,
+            Some(issued) if self.view.state(id).is_some() => issued,
+            Some(_) | None => self.issue(now, id)?,
+        };
+        let run = self.run_of(now);
+        let delivery = self.deliveries.entry(id).or_default();
+        delivery.issued = Some(issued);
+        delivery.sent_at = Some(now);
+        delivery.first_at.get_or_insert(now);
+        let Issued { lease, revision, .. } = issued;
+        delivery.lowest.get_or_insert((lease, revision));
+        let state = self.view.state(id).map(|state| &state.value);
+        let seen = state.map(|state| SeenState { boot: state.boot, sequence: state.sequence });
+        let kind = self.instruction.kind;
+        Some(Order { vehicle: id, lease, run, revision, seen, kind, ends: Vec::new() })
+    }
+
+    /// Chooses the lease and the revision that are above a vehicle's echo; `None` while nothing may be sent yet.
+    fn issue(&self, now: Time, id: VehicleId) -> Option<Issued> {
+        match self.view.state(id) {
+            Some(state) => self.knows_ground(now).then(|| self.above(now, &state.value)),
+            None => self.is_emergency().then(|| self.blind(now)).flatten(),
+        }
+    }
+
+    /// Returns whether the ground's lease is known as far as this order needs it.
+    fn knows_ground(&self, now: Time) -> bool {
+        let may_wait = matches!(self.instruction.kind, OrderKind::Start | OrderKind::Return);
+        !may_wait || self.view.ground(now).is_some() || self.has_listened(now)
+    }
+
+    fn has_listened(&self, now: Time) -> bool {
+        self.has_listened || self.linked.is_some_and(|since| now.since(since) >= LISTEN)
+    }
+
+    fn above(&self, now: Time, state: &State) -> Issued {
+        let highest = self.view.lease(now);
+        let own = |number| Lease { number, holder: self.instruction.holder };
+        let is_ours = highest.holder == self.instruction.holder;
+        let lease = match highest.number {
+            0 => own(1),
+            number if self.instruction.take_over && !is_ours => own(number.saturating_add(1)),
+            _ => highest,
+        };
+        let echo = state.ordered;
+        if echo.lease != lease {
+            return Issued { lease, revision: Revision(1), is_blind: false };
+        }
+        match echo.revision.0.checked_add(1).filter(|next| *next <= LAST_REVISION) {
+            Some(next) => Issued { lease, revision: Revision(next), is_blind: false },
+            // This lease is used up.
+            None => {
+                let lease = own(lease.number.saturating_add(1));
+                Issued { lease, revision: Revision(1), is_blind: false }
+            }
+        }
+    }
+
+    /// Chooses what is above whatever a vehicle that was not heard may echo; higher the longer it is not heard.
+    fn blind(&self, now: Time) -> Option<Issued> {
+        let since = now.since(self.linked?).checked_sub(BLIND_AFTER)?;
+        let rung = u32::try_from(since.as_millis() / RISES.as_millis()).unwrap_or(u32::MAX);
+        let heard = self.view.lease(now).number;
+        let step = 1_u32.checked_shl(rung.saturating_add(FIRST_STEP)).unwrap_or(HIGHEST);
+        let number = heard.saturating_add(step.min(HIGHEST)).min(HIGHEST.max(heard));
+        if number < HIGHEST {
+            let lease = Lease { number, holder: self.instruction.holder };
+            return Some(Issued { lease, revision: Revision(1), is_blind: true });
+        }
+        let beyond = rung.saturating_sub(31 - FIRST_STEP);
+        let revision = 1_u32.checked_shl(beyond).unwrap_or(LAST_REVISION);
+        let lease = Lease { number, holder: 0 };
+        Some(Issued { lease, revision: Revision(revision), is_blind: true })
+    }
+
+    /// Returns the run of the orders, chosen once: what was started must not count as a run before.
+    fn run_of(&mut self, now: Time) -> RunId {
+        if let Some(run) = self.run {
+            return run;
+        }
+        let states = self.view.vehicles().filter_map(|(_, seen)| seen.state.as_ref());
+        let driven = states.map(|state| state.value.accepted.0.max(state.value.ordered.run));
+        let report = self.view.ground(now).map(|report| &report.value);
+        let newest = driven.chain(report.map(|report| report.run)).max().unwrap_or_default();
+        let is_idle = report.is_some_and(|report| report.phase == StationPhase::Idle);
+        let is_new = self.instruction.begins && is_idle;
+        let next = RunId(newest.0.saturating_add(1).min(LAST_REVISION));
+        let run = self.instruction.run.unwrap_or(if is_new { next } else { newest });
+        // Nothing may be known yet when an emergency goes out.
+        if !self.is_emergency() {
+            self.run = Some(run);
+        }
+        run
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,387 @@
+//! Orders in virtual time, against vehicles that obey what is above their echo.
+
+use tomoswarm_proto::codec::{self, Greeting};
+use tomoswarm_proto::{Boot, Hello, Message, OrderKind as Kind};
+
+use super::super::tests_support::{Rover, at, heard, report};
+use super::*;
+
+const GROUNDS: Lease = Lease { number: 4, holder: 44 };
+const OWN: u64 = 7;
+
+fn want(kind: Kind) -> Instruction {
+    Instruction {
+        kind,
+        begins: true,
+        vehicles: BTreeSet::new(),
+        expected: BTreeSet::new(),
+        possible: BTreeSet::new(),
+        run: None,
+        take_over: false,
+        holder: OWN,
+        venue_hash: 5,
+        timeout: Duration::from_secs(5),
+    }
+}
+
+fn only_one(kind: Kind) -> Instruction {
+    Instruction { vehicles: BTreeSet::from([VehicleId(1)]), ..want(kind) }
+}
+
+/// A small world: what is said arrives within a tick of 20 ms unless it is lost.
+struct World {
+    now: Time,
+    ordering: Ordering,
+    rovers: Vec<Rover>,
+    report: Option<Report>,
+    sent: Vec<(Time, Order)>,
+    /// Tells whether an order with this running number is lost.
+    loses: fn(usize) -> bool,
+    /// From when on the vehicles' states come.
+    states_from: Time,
+}
+
+const TICK: Duration = Duration::from_millis(20);
+
+impl World {
+    fn new(want: Instruction, rovers: Vec<Rover>) -> World {
+        let ordering = Ordering::new(Time::ZERO, want);
+        let loses = |_| false;
+        World {
+            now: Time::ZERO,
+            ordering,
+            rovers,
+            report: None,
+            sent: vec![],
+            loses,
+            states_from: Time::ZERO,
+        }
+    }
+
+    fn with_ground(mut self) -> World {
+        self.report = Some(report());
+        self
+    }
+
+    /// Goes on by one tick.
+    fn tick(&mut self) -> Option<Outcome> {
+        for order in self.ordering.act(self.now, true) {
+            if !(self.loses)(self.sent.len()) {
+                self.rovers.iter_mut().for_each(|rover| rover.obey(&order));
+            }
+            self.sent.push((self.now, order));
+        }
+        self.now = self.now + TICK;
+        let tick = self.now.as_nanos() / 20_000_000;
+        if tick.is_multiple_of(10) && self.now >= self.states_from {
+            self.rovers.iter_mut().for_each(|rover| self.ordering.hear(self.now, &rover.say()));
+        }
+        if let Some(report) = self.report.as_ref().filter(|_| tick.is_multiple_of(50)) {
+            self.ordering.hear(self.now, &heard(Message::Report(report.clone())));
+        }
+        self.ordering.outcome(self.now)
+    }
+
+    fn run(&mut self) -> Outcome {
+        (0..1000).find_map(|_| self.tick()).unwrap()
+    }
+
+    fn run_until(&mut self, until_s: f64) {
+        while self.now < at(until_s) {
+            assert_eq!(self.tick(), None, "it is over at {} already", self.now);
+        }
+    }
+}
+
+fn outcomes(outcome: &Outcome) -> Vec<VehicleOutcome> {
+    outcome.vehicles.values().copied().collect()
+}
+
+fn obeyed_ms(outcome: &Outcome) -> Vec<u128> {
+    let after = |outcome: &VehicleOutcome| match outcome {
+        VehicleOutcome::Obeyed { after, .. } => after.as_millis(),
+        other => panic!("{other:?}"),
+    };
+    outcome.vehicles.values().map(after).collect()
+}
+
+#[test]
+fn a_start_uses_the_grounds_lease_and_ends_when_all_states_show_it() {
+    let mut world = World::new(want(Kind::Start), vec![Rover::new(1), Rover::new(2)]).with_ground();
+    let outcome = world.run();
+    assert!(outcome.is_done(), "{outcome:?}");
+    assert_eq!((outcome.lease, outcome.run), (Some(GROUNDS), Some(RunId(1))));
+    assert!(world.sent.iter().all(|(_, order)| order.revision == Revision(1) && order.seen.is_some()));
+    assert_eq!(world.rovers[1].state.ordered.kind, Some(Kind::Start));
+}
+
+#[test]
+fn where_nobody_holds_a_lease_an_own_one_begins() {
+    let outcome = World::new(want(Kind::Start), vec![Rover::new(1)]).run();
+    assert!(outcome.is_done());
+    assert_eq!(outcome.lease, Some(Lease { number: 1, holder: OWN }));
+}
+
+#[test]
+fn the_revision_is_above_each_vehicles_own_echo() {
+    let rovers = vec![Rover::ordered(1, GROUNDS, 9, Kind::Start), Rover::new(2)];
+    let mut world = World::new(want(Kind::Hold), rovers);
+    assert!(world.run().is_done());
+    let of = |id| world.sent.iter().find(|(_, order)| order.vehicle == VehicleId(id)).unwrap().1.clone();
+    assert_eq!((of(1).lease, of(1).revision), (GROUNDS, Revision(10)));
+    assert_eq!((of(2).lease, of(2).revision), (GROUNDS, Revision(1)));
+}
+
+#[test]
+fn lost_orders_are_sent_again_every_100_ms() {
+    let mut world = World::new(want(Kind::Hold), vec![Rover::new(1)]);
+    world.loses = |number| number < 8;
+    let outcome = world.run();
+    let times: Vec<u64> = world.sent.iter().map(|(at, _)| at.as_nanos() / 1_000_000).collect();
+    assert!(times.windows(2).all(|pair| pair[1] - pair[0] == 100), "{times:?}");
+    let after = obeyed_ms(&outcome)[0];
+    assert!((800..=1000).contains(&after), "{after} ms: eight are lost, a state comes every 200 ms");
+}
+
+#[test]
+fn what_stops_waits_for_no_ground_and_what_starts_does() {
+    for (kind, from_s, to_s) in [(Kind::Hold, 0.2, 0.24), (Kind::Start, 1.5, 1.6)] {
+        let mut world = World::new(want(kind), vec![Rover::new(1)]);
+        world.run();
+        let first = world.sent[0].0;
+        assert!((at(from_s)..=at(to_s)).contains(&first), "{kind:?} at {first}");
+    }
+}
+
+#[test]
+fn late_states_are_waited_for_and_nobody_counts_as_missing_who_then_comes() {
+    let two = BTreeSet::from([VehicleId(1), VehicleId(2)]);
+    let mut world =
+        World::new(Instruction { vehicles: two, ..want(Kind::Hold) }, vec![Rover::new(1), Rover::new(2)]);
+    world.states_from = at(3.0);
+    world.run_until(2.9);
+    assert_eq!(world.sent, vec![]);
+    assert!(world.run().is_done());
+}
+
+#[test]
+fn who_is_not_heard_is_named_when_the_time_is_up() {
+    let two = BTreeSet::from([VehicleId(1), VehicleId(2)]);
+    let mut world = World::new(Instruction { vehicles: two, ..want(Kind::Hold) }, vec![Rover::new(2)]);
+    let outcome = world.run();
+    assert!(
+        matches!(outcomes(&outcome)[..], [VehicleOutcome::Unheard, VehicleOutcome::Obeyed { .. }]),
+        "{outcome:?}"
+    );
+    assert!(!outcome.is_done() && world.now == at(5.0));
+    let nobody = World::new(want(Kind::Hold), vec![]).run();
+    assert!(!nobody.is_done() && nobody.vehicles.is_empty());
+}
+
+#[test]
+fn who_hears_nothing_is_said_to_have_ignored_it() {
+    let mut world = World::new(want(Kind::Hold), vec![Rover::new(1)]);
+    world.loses = |_| true;
+    assert_eq!(outcomes(&world.run()), [VehicleOutcome::Ignored]);
+}
+
+#[test]
+fn a_vehicle_started_anew_in_between_is_told_again() {
+    let both = BTreeSet::from([VehicleId(1), VehicleId(2)]);
+    let mut world = World::new(
+        Instruction { vehicles: both, ..want(Kind::Hold) },
+        vec![Rover::ordered(1, GROUNDS, 5, Kind::Start)],
+    );
+    world.run_until(1.0);
+    assert_eq!(world.rovers[0].state.ordered.kind, Some(Kind::Hold));
+    world.rovers[0].restart();
+    world.rovers.push(Rover::new(2));
+    world.run_until(1.15);
+    assert_eq!(world.rovers[0].state.ordered.kind, None, "its new state has not come yet");
+    assert!(world.run().is_done());
+    assert_eq!(world.rovers[0].state.ordered.kind, Some(Kind::Hold));
+}
+
+#[test]
+fn a_higher_order_of_another_lease_overrules_and_is_named() {
+    let mut world = World::new(only_one(Kind::Start), vec![Rover::new(1)]).with_ground();
+    world.loses = |_| true;
+    world.run_until(1.2);
+    let lease = Lease { number: 9, holder: 1 };
+    let other = Rover::ordered(1, lease, 1, Kind::Hold).state.ordered;
+    world.rovers[0].state.ordered = other;
+    assert_eq!(outcomes(&world.run()), [VehicleOutcome::Overruled(other)]);
+    assert!(world.now < at(1.5));
+}
+
+#[test]
+fn a_hold_goes_above_a_start_of_the_same_lease_and_not_the_other_way_round() {
+    for (ours, theirs, wins) in [(Kind::Hold, Kind::Start, true), (Kind::Start, Kind::Hold, false)] {
+        let mut world = World::new(want(ours), vec![Rover::ordered(1, GROUNDS, 5, Kind::Start)]);
+        world.loses = |number| number < 10;
+        while world.sent.is_empty() {
+            world.tick();
+        }
+        world.rovers[0].state.ordered = Rover::ordered(1, GROUNDS, 6, theirs).state.ordered;
+        assert_eq!(world.run().is_done(), wins, "{ours:?} against {theirs:?}");
+    }
+}
+
+#[test]
+fn a_start_that_the_ground_brings_about_by_a_hold_is_obeyed_unless_something_stands() {
+    for (standing, is_done) in [(None, true), (Some(Kind::Hold), false)] {
+        let mut world = World::new(only_one(Kind::Start), vec![Rover::new(1)]).with_ground();
+        world.loses = |_| true;
+        while world.sent.is_empty() {
+            world.tick();
+        }
+        // It was obeyed between two states, and the ground has ordered to hold in the same run.
+        world.rovers[0].state.ordered = Rover::ordered(1, GROUNDS, 2, Kind::Hold).state.ordered;
+        world.report =
+            Some(Report { phase: StationPhase::Stopping, run: RunId(1), in_force: standing, ..report() });
+        let outcome = world.run();
+        assert_eq!(outcome.is_done(), is_done, "{outcome:?}");
+    }
+}
+
+#[test]
+fn a_lease_is_taken_over_with_the_next_number_and_an_own_holder() {
+    let rovers = vec![Rover::ordered(1, GROUNDS, 9, Kind::Start), Rover::new(2)];
+    let outcome =
+        World::new(Instruction { take_over: true, ..want(Kind::Start) }, rovers).with_ground().run();
+    assert!(outcome.is_done());
+    assert_eq!(outcome.lease, Some(Lease { number: 5, holder: OWN }));
+}
+
+#[test]
+fn a_start_of_an_idle_ground_begins_the_next_run_and_otherwise_goes_on() {
+    let run_of = |begins, phase, run| {
+        let mut world = World::new(Instruction { begins, run, ..want(Kind::Start) }, vec![Rover::new(1)]);
+        world.report = Some(Report { phase, run: RunId(6), ..report() });
+        world.run().run
+    };
+    assert_eq!(run_of(true, StationPhase::Idle, None), Some(RunId(7)));
+    assert_eq!(run_of(true, StationPhase::Running, None), Some(RunId(6)));
+    assert_eq!(run_of(false, StationPhase::Idle, None), Some(RunId(6)));
+    assert_eq!(run_of(true, StationPhase::Idle, Some(RunId(12))), Some(RunId(12)));
+}
+
+/// Sends an emergency to a vehicle whose states do not come for 20 s; gives when it has obeyed.
+fn blind(echo: Rover) -> (Time, World) {
+    let one = BTreeSet::from([VehicleId(1)]);
+    let timeout = Duration::from_secs(30);
+    let mut world = World::new(Instruction { vehicles: one, timeout, ..want(Kind::Emergency) }, vec![echo]);
+    world.states_from = at(20.0);
+    let mut obeyed = None;
+    while world.tick().is_none() {
+        let is_obeyed = world.rovers[0].state.ordered.kind == Some(Kind::Emergency);
+        obeyed = obeyed.or(is_obeyed.then_some(world.now));
+    }
+    (obeyed.unwrap_or(Time::NEVER), world)
+}
+
+#[test]
+fn an_emergency_is_obeyed_at_once_though_nothing_was_heard() {
+    for echo in [
+        Rover::new(1),
+        Rover::ordered(1, GROUNDS, 100_000, Kind::Start),
+        Rover::ordered(1, Lease { number: 1000, holder: 0 }, u32::MAX - 1, Kind::Start),
+    ] {
+        let (obeyed, world) = blind(echo);
+        assert!(obeyed <= at(0.14), "{obeyed}");
+        assert!(world.ordering.outcome_so_far(world.now).is_done());
+    }
+}
+
+#[test]
+fn an_emergency_is_obeyed_soon_whatever_lease_and_revision_is_echoed() {
+    for (number, holder, revision) in
+        [(70_000, 3, 5), (HIGHEST - 1, 0, 5), (HIGHEST, 1, 70_000), (HIGHEST, 0, 1 << 30)]
+    {
+        let (obeyed, _) = blind(Rover::ordered(1, Lease { number, holder }, revision, Kind::Start));
+        assert!(obeyed < at(16.5), "lease {number}: {obeyed}");
+    }
+}
+
+#[test]
+fn after_a_blind_emergency_whoever_reads_its_lease_starts_again() {
+    let (_, world) = blind(Rover::ordered(1, GROUNDS, 3, Kind::Start));
+    let lease = world.rovers[0].state.ordered.lease;
+    assert!(lease.number < u32::MAX - 1_000_000_000, "there is room for leases above");
+    let mut after = World::new(Instruction { holder: 99, ..want(Kind::Start) }, world.rovers);
+    assert!(after.run().is_done());
+    assert_eq!(after.rovers[0].state.ordered.kind, Some(Kind::Start));
+}
+
+#[test]
+fn an_emergency_goes_above_whatever_is_heard_and_to_whoever_might_be_there() {
+    let lease = Lease { number: 2_000_000, holder: 5 };
+    let possible = BTreeSet::from([VehicleId(1), VehicleId(2)]);
+    let rovers = vec![Rover::ordered(1, lease, 8, Kind::Start)];
+    let mut world = World::new(Instruction { possible, ..want(Kind::Emergency) }, rovers);
+    let outcome = world.run();
+    assert!(outcome.is_done() && outcome.vehicles.len() == 1, "{outcome:?}");
+    assert!(world.sent.iter().any(|(_, order)| order.vehicle == VehicleId(2)));
+}
+
+#[test]
+fn an_emergency_insists_against_a_start_of_a_higher_lease_but_not_against_cut_motors() {
+    for (theirs, is_done) in [(Kind::Start, true), (Kind::CutMotors, false)] {
+        let mut world = World::new(want(Kind::Emergency), vec![Rover::new(1)]);
+        world.loses = |number| number < 4;
+        while world.sent.is_empty() {
+            world.tick();
+        }
+        world.rovers[0].state.ordered =
+            Rover::ordered(1, Lease { number: 5_000_000, holder: 1 }, 6, theirs).state.ordered;
+        assert_eq!(world.run().is_done(), is_done, "{theirs:?}");
+    }
+}
+
+/// A greeting of a vehicle with this version and venue file.
+fn greets(vehicle: u8, version: u8, venue_hash: u64) -> Heard {
+    let (node, boot) = (Sender::Vehicle(VehicleId(vehicle)), Boot(1));
+    let (software, capabilities) = (String::new(), vec![]);
+    let hello = Hello {
+        node,
+        boot,
+        venue_hash,
+        instance: 1,
+        is_member: true,
+        member_for_s: 9,
+        name: String::new(),
+        software,
+        capabilities,
+        lease: None,
+        interest: vec![],
+    };
+    let hello = (version == codec::VERSION).then_some(hello);
+    Heard::Greeting(Greeting { version, node, boot, venue_hash }, hello)
+}
+
+#[test]
+fn who_has_another_venue_file_or_version_is_named_at_once_and_not_ordered() {
+    for (version, venue_hash, misfit) in
+        [(codec::VERSION, 6, Misfit::Venue(6)), (codec::VERSION + 1, 5, Misfit::Version(codec::VERSION + 1))]
+    {
+        let mut ordering = Ordering::new(Time::ZERO, only_one(Kind::Hold));
+        ordering.hear(at(0.1), &Rover::new(1).say());
+        ordering.hear(at(0.1), &greets(1, version, venue_hash));
+        assert_eq!(ordering.act(at(0.2), true), vec![]);
+        let outcome = ordering.outcome(at(0.2)).unwrap();
+        assert_eq!(outcomes(&outcome), [VehicleOutcome::Foreign(misfit)]);
+        assert!(!outcome.is_done());
+        // It fits: nothing is refused.
+        ordering.hear(at(0.3), &greets(1, codec::VERSION, 5));
+        assert_eq!(ordering.act(at(0.4), true).len(), 1);
+    }
+}
+
+#[test]
+fn an_emergency_goes_to_who_has_another_venue_file_too() {
+    let mut ordering = Ordering::new(Time::ZERO, only_one(Kind::Emergency));
+    ordering.hear(at(0.1), &Rover::new(1).say());
+    ordering.hear(at(0.1), &greets(1, codec::VERSION, 6));
+    assert_eq!(ordering.act(at(0.2), true).len(), 1);
+    assert_eq!(ordering.outcome(at(0.2)), None);
+}

@@ -1,0 +1,81 @@
+//! What became of an order, for every vehicle that it was for.
+
+use std::collections::BTreeMap;
+use std::time::Duration;
+
+use tomoswarm_proto::{Lease, Ordered, RunId, VehicleId};
+
+use super::fleet_view::Misfit;
+
+/// How an order ended for one vehicle.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub enum VehicleOutcome {
+    /// Its state shows the order, so long after it was first sent.
+    Obeyed {
+        /// From the first sending to the state that shows it.
+        after: Duration,
+        /// The ground station has gone on from there already.
+        by_ground: bool,
+    },
+    /// A higher order of somebody else came in between.
+    Overruled(Ordered),
+    /// It is heard, and has not obeyed in time.
+    Ignored,
+    /// Nothing was heard of it.
+    Unheard,
+    /// It does not listen to this operator, and was not sent the order unless that is an emergency.
+    Foreign(Misfit),
+    /// The operator wants something else of it since.
+    Withdrawn,
+}
+
+/// Why an order is not sent at all.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, thiserror::Error)]
+pub enum Refusal {
+    /// The ground station drives another run than the one that is to be started.
+    #[error("run {under_way} is under way: hold it, or let it end before run {asked} begins")]
+    UnderWay {
+        /// The run that is driven.
+        under_way: RunId,
+        /// The run that was asked for.
+        asked: RunId,
+    },
+}
+
+/// What became of an order.
+#[derive(Clone, PartialEq, Eq, Debug)]
+pub struct Outcome {
+    /// By vehicle, ascending.
+    pub vehicles: BTreeMap<VehicleId, VehicleOutcome>,
+    /// The lease of the orders to those that were heard; `None` when nothing was sent.
+    pub lease: Option<Lease>,
+    /// Their run.
+    pub run: Option<RunId>,
+    /// Why nothing was sent, if it was refused.
+    pub refused: Option<Refusal>,
+}
+
+impl Outcome {
+    /// Returns whether every vehicle has obeyed, and there is one.
+    pub fn is_done(&self) -> bool {
+        let obeyed = |outcome: &VehicleOutcome| matches!(outcome, VehicleOutcome::Obeyed { .. });
+        !self.vehicles.is_empty() && self.vehicles.values().all(obeyed)
+    }
+
+    /// Says who has not obeyed, and why; empty when it is done.
+    pub fn undone(&self) -> String {
+        if let Some(refused) = self.refused {
+            return refused.to_string();
+        }
+        let words = |(id, of): (&VehicleId, &VehicleOutcome)| match of {
+            VehicleOutcome::Obeyed { .. } => None,
+            VehicleOutcome::Overruled(_) => Some(format!("vehicle {id} was ordered something else")),
+            VehicleOutcome::Ignored => Some(format!("vehicle {id} does not obey")),
+            VehicleOutcome::Unheard => Some(format!("vehicle {id} is not heard")),
+            VehicleOutcome::Foreign(_) => Some(format!("vehicle {id} is of another venue or version")),
+            VehicleOutcome::Withdrawn => Some(format!("something else is wanted of vehicle {id}")),
+        };
+        let all: Vec<String> = self.vehicles.iter().filter_map(words).collect();
+        if self.vehicles.is_empty() { "nobody is heard".to_owned() } else { all.join("; ") }
+    }
+}

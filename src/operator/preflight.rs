@@ -1,0 +1,268 @@
+//! Whether a run may begin: checks of every vehicle and of the ground station, each by itself, from what they say of
+//! themselves. Pure. What nobody reports is said to be not known, and refuses nothing but where it must be known.
+
+use std::collections::BTreeSet;
+use std::time::Duration;
+
+use serde::Serialize;
+use tomoswarm_proto::{
+    FailsafeAction, Failsafes, Health, Hello, Lease, Mode, PoseReport, Report, StationPhase, VehicleId,
+};
+
+use super::fleet_view::{FleetView, GROUND_LIVES, VehicleView};
+use super::names::{self, listed};
+use crate::geom::{Point, Polygon, Pose};
+use crate::node::mission;
+use crate::time::Time;
+
+/// A vehicle whose state is older is not fresh.
+const FRESH: Duration = Duration::from_secs(1);
+/// Charge that a run begins with at least, 0 to 1.
+const BATTERY: f64 = 0.5;
+/// Room that a vehicle must have for its data, MB.
+const DISK_MB: u32 = 200;
+/// The pose deviation that is allowed where no file says it, metres.
+pub const POSE_SD_MAX_M: f64 = 0.5;
+
+/// What is looked for.
+#[derive(Clone, PartialEq, Debug)]
+pub struct Needs {
+    /// Who shall take part.
+    pub vehicles: BTreeSet<VehicleId>,
+    /// Hash of the own venue file.
+    pub venue_hash: u64,
+    /// Where vehicles may be.
+    pub fence: Polygon,
+    /// Where they begin; vehicle 1 at the first.
+    pub homes: Vec<Point>,
+    /// Deviation of a place that is allowed, metres; `None` = not known, then [`POSE_SD_MAX_M`].
+    pub pose_sd_max_m: Option<f64>,
+    /// Version of the own software.
+    pub software: String,
+}
+
+/// How a check came out.
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Debug, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Light {
+    /// As it should be.
+    Go,
+    /// Not reported; refuses nothing.
+    Unknown,
+    /// A run may not begin like this.
+    NoGo,
+}
+
+/// One check.
+#[derive(Clone, PartialEq, Eq, Debug, Serialize)]
+pub struct Check {
+    /// What was looked at, in a word.
+    pub what: &'static str,
+    /// How it came out.
+    pub light: Light,
+    /// What was found.
+    pub found: String,
+}
+
+/// All checks of one node.
+#[derive(Clone, PartialEq, Eq, Debug, Serialize)]
+pub struct Node {
+    /// `vehicle 3` or `ground`.
+    pub node: String,
+    /// Its checks, always the same ones in the same order.
+    pub checks: Vec<Check>,
+}
+
+/// Looks at everyone.
+pub fn inspect(view: &FleetView, needs: &Needs, now: Time) -> Vec<Node> {
+    let nothing = VehicleView::default();
+    let vehicle = |id: &VehicleId| Node {
+        node: format!("vehicle {id}"),
+        checks: of_vehicle(*id, view.vehicle(*id).unwrap_or(&nothing), needs, now),
+    };
+    let mut nodes: Vec<Node> = needs.vehicles.iter().map(vehicle).collect();
+    nodes.push(Node { node: "ground".to_owned(), checks: of_ground(view, needs, now) });
+    nodes
+}
+
+/// Returns whether a run may begin.
+pub fn is_go(nodes: &[Node]) -> bool {
+    // The ground station alone is no swarm.
+    nodes.len() > 1 && nodes.iter().flat_map(|node| &node.checks).all(|check| check.light != Light::NoGo)
+}
+
+fn check(what: &'static str, is_right: bool, found: String) -> Check {
+    Check { what, light: if is_right { Light::Go } else { Light::NoGo }, found }
+}
+
+/// Checks what was said; what was not said is `silent`.
+fn reported<T>(
+    what: &'static str,
+    value: Option<T>,
+    silent: Light,
+    look: impl Fn(T) -> (bool, String),
+) -> Check {
+    match value {
+        None => Check { what, light: silent, found: "not reported".to_owned() },
+        Some(value) => {
+            let (is_right, found) = look(value);
+            check(what, is_right, found)
+        }
+    }
+}
+
+fn of_vehicle(id: VehicleId, seen: &VehicleView, needs: &Needs, now: Time) -> Vec<Check> {
+    let state = seen.state.as_ref().map(|state| &state.value);
+    let health = seen.health.as_ref().map(|health| &health.value);
+    let hello = seen.hello.as_ref().map(|hello| &hello.value);
+    let age_s = seen.state.as_ref().map(|state| state.age(now));
+    let on_bus = reported("bus", age_s, Light::NoGo, |age| {
+        (age < FRESH, format!("newest state {:.1} s ago", age.as_secs_f64()))
+    });
+    let no_go = Light::NoGo;
+    let mut checks = vec![on_bus];
+    checks.extend(of_hello(hello, needs));
+    let placed = state.and_then(|state| state.pose);
+    checks.push(reported("pose", placed, no_go, |placed| pose(placed, needs)));
+    checks.push(reported("fence", placed, no_go, |placed| {
+        let at = Point::from(placed.at);
+        (needs.fence.contains(at), format!("at {:.2}, {:.2} m", at.x_m, at.y_m))
+    }));
+    checks.push(reported("home", placed, no_go, |placed| home(id, placed, &needs.homes)));
+    let battery = state.and_then(|state| state.battery);
+    checks.push(reported("battery", battery, no_go, |battery| {
+        let charge = battery.fraction();
+        (charge > BATTERY, format!("{:.0} %, over {:.0} % needed", charge * 1e2, BATTERY * 1e2))
+    }));
+    checks.push(reported("mode", state, no_go, |state| {
+        (
+            !matches!(state.mode, Mode::Held | Mode::Stopped | Mode::Emergency),
+            names::mode(state.mode).to_owned(),
+        )
+    }));
+    checks.push(reported("radio", health, no_go, |health| radio(id, health, needs)));
+    checks.push(reported("disk", health.and_then(|health| health.disk_free_mb), Light::Unknown, |free_mb| {
+        (free_mb > DISK_MB, format!("{free_mb} MB free, over {DISK_MB} MB needed"))
+    }));
+    checks.push(reported("samples", health, no_go, |health| {
+        (
+            health.samples_lost == 0,
+            format!("{} lost, {} waiting", health.samples_lost, health.samples_waiting),
+        )
+    }));
+    checks.push(reported("troubles", health, no_go, |health| {
+        (health.troubles.is_empty(), names::troubles(&health.troubles))
+    }));
+    checks.push(failsafes(health));
+    checks
+}
+
+fn of_hello(hello: Option<&Hello>, needs: &Needs) -> [Check; 2] {
+    let software = reported("software", hello, Light::NoGo, |hello| {
+        let found = match hello.software == needs.software {
+            true => hello.software.clone(),
+            false => format!("{}, here it is {}", hello.software, needs.software),
+        };
+        (hello.software == needs.software, found)
+    });
+    let venue = reported("venue", hello, Light::NoGo, |hello| {
+        let (theirs, ours) = (hello.venue_hash, needs.venue_hash);
+        let found = match theirs == ours {
+            true => format!("hash {ours:016x}"),
+            false => format!("another venue file: hash {theirs:016x}, here {ours:016x}"),
+        };
+        (theirs == ours, found)
+    });
+    [software, venue]
+}
+
+fn pose(placed: PoseReport, needs: &Needs) -> (bool, String) {
+    let most_m = needs.pose_sd_max_m.unwrap_or(POSE_SD_MAX_M);
+    let assumed = if needs.pose_sd_max_m.is_none() { " (assumed: no file here says the limit)" } else { "" };
+    let sd_m = Pose::from(placed).sd_m;
+    (sd_m <= most_m, format!("± {sd_m:.2} m, at most {most_m:.2} m{assumed}"))
+}
+
+fn home(id: VehicleId, placed: PoseReport, homes: &[Point]) -> (bool, String) {
+    let Some(home) = usize::from(id.0).checked_sub(1).and_then(|index| homes.get(index)) else {
+        return (false, format!("the venue has no home of vehicle {id}"));
+    };
+    let pose = Pose::from(placed);
+    let (away_m, most_m) = (home.distance_to(pose.at), mission::home_farthest_m(pose));
+    (mission::is_at_home(pose, *home), format!("{away_m:.2} m away, at most {most_m:.2} m"))
+}
+
+fn radio(id: VehicleId, health: &Health, needs: &Needs) -> (bool, String) {
+    let missing: Vec<VehicleId> = needs
+        .vehicles
+        .iter()
+        .copied()
+        .filter(|other| *other != id && !health.hears.contains(other))
+        .collect();
+    let found = match missing.is_empty() {
+        true => format!("hears {}", listed(&health.hears)),
+        false => format!("hears {}, not {}", listed(&health.hears), listed(&missing)),
+    };
+    (missing.is_empty(), found)
+}
+
+/// The autopilot's failsafes, as far as it says what it does; one that is switched off refuses.
+fn failsafes(health: Option<&Health>) -> Check {
+    let autopilot = health.and_then(|health| health.autopilot.as_ref());
+    let Failsafes { battery, companion, remote, fence, estimator } =
+        autopilot.map(|autopilot| autopilot.failsafes).unwrap_or_default();
+    let all = [
+        ("battery", battery),
+        ("companion", companion),
+        ("remote", remote),
+        ("fence", fence),
+        ("estimator", estimator),
+    ];
+    let named = |is_named: fn(FailsafeAction) -> bool| -> Vec<&str> {
+        all.into_iter().filter(|(_, action)| is_named(*action)).map(|(cause, _)| cause).collect()
+    };
+    let set = named(|action| !matches!(action, FailsafeAction::Unknown | FailsafeAction::Off));
+    let unset = named(|action| action == FailsafeAction::Off);
+    match (set.is_empty(), unset.is_empty()) {
+        (true, true) => reported("failsafes", None::<()>, Light::Unknown, |()| (true, String::new())),
+        (_, true) => check("failsafes", true, listed(&set)),
+        (_, false) => check("failsafes", false, format!("off: {}", listed(&unset))),
+    }
+}
+
+fn of_ground(view: &FleetView, needs: &Needs, now: Time) -> Vec<Check> {
+    let report = view.ground(now).map(|report| &report.value);
+    let no_go = Light::NoGo;
+    let live = view.grounds().filter(|report| report.age(now) <= GROUND_LIVES).count();
+    let mut checks = vec![check("bus", live == 1, format!("{live} live ground stations"))];
+    checks.extend(of_hello(view.ground_hello().map(|hello| &hello.value), needs));
+    let lease = |report: &Report| {
+        let Lease { number, holder } = report.lease;
+        let highest = view.lease(now);
+        let found = match report.lease == highest {
+            true => format!("{number} ({holder:016x})"),
+            false => format!("{number}, but vehicles obey {} ({:016x})", highest.number, highest.holder),
+        };
+        (number > 0 && report.lease == highest, found)
+    };
+    checks.push(reported("lease", report, no_go, lease));
+    checks.push(reported("phase", report, no_go, |report| {
+        let is_free = matches!(report.phase, StationPhase::Idle | StationPhase::Waiting);
+        (is_free, names::phase(report.phase).to_owned())
+    }));
+    checks.push(reported("standing", report, no_go, |report| {
+        (report.in_force.is_none(), report.in_force.map_or("nothing", names::kind_name).to_owned())
+    }));
+    checks.push(reported("vehicles", report, no_go, |report| {
+        let unknown: Vec<VehicleId> =
+            needs.vehicles.iter().copied().filter(|id| !report.members.contains(id)).collect();
+        (unknown.is_empty(), format!("plans for {}, not for {}", listed(&report.members), listed(&unknown)))
+    }));
+    checks.push(reported("store", report, no_go, |report| {
+        (report.troubles.is_empty(), format!("troubles: {}", names::troubles(&report.troubles)))
+    }));
+    checks
+}
+
+#[cfg(test)]
+mod tests;

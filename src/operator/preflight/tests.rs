@@ -1,0 +1,180 @@
+//! Every check by itself: a sound swarm is go, and one thing wrong makes exactly that check refuse.
+
+use tomoswarm_proto::codec::{Greeting, VERSION};
+use tomoswarm_proto::{AutopilotHealth, Boot, Deviation, Message, OrderKind, Permille, Sender, State};
+
+use super::super::Heard;
+use super::super::tests_support::{Rover, at, heard, report, state};
+use super::*;
+
+const NOW_S: f64 = 10.0;
+
+/// A swarm of two, as it speaks.
+struct Swarm {
+    states: Vec<(f64, State)>,
+    healths: Vec<Health>,
+    hellos: Vec<Hello>,
+    reports: Vec<Report>,
+}
+
+fn hello(node: Sender) -> Hello {
+    Hello {
+        node,
+        boot: Boot(1),
+        venue_hash: 5,
+        instance: 1,
+        is_member: true,
+        member_for_s: 60,
+        name: String::new(),
+        software: "0.1.0".to_owned(),
+        capabilities: vec![],
+        lease: None,
+        interest: vec![],
+    }
+}
+
+fn health(vehicle: u8, hears: u8) -> Health {
+    Health {
+        vehicle: VehicleId(vehicle),
+        boot: Boot(1),
+        hears: vec![VehicleId(hears)],
+        disk_free_mb: Some(5000),
+        ..Health::default()
+    }
+}
+
+impl Swarm {
+    fn sound() -> Swarm {
+        let vehicle = |id| Sender::Vehicle(VehicleId(id));
+        Swarm {
+            states: vec![(9.9, state(1)), (9.9, state(2))],
+            healths: vec![health(1, 2), health(2, 1)],
+            hellos: vec![hello(vehicle(1)), hello(vehicle(2)), hello(Sender::Ground)],
+            reports: vec![report()],
+        }
+    }
+
+    fn pose_of_1(&mut self) -> &mut PoseReport {
+        self.states[0].1.pose.as_mut().unwrap()
+    }
+
+    fn view(self) -> FleetView {
+        let mut view = FleetView::default();
+        let soon = at(NOW_S - 0.5);
+        for hello in self.hellos {
+            let Hello { node, boot, venue_hash, .. } = hello;
+            let greeting = Greeting { version: VERSION, node, boot, venue_hash };
+            view.hear(soon, &Heard::Greeting(greeting, Some(hello)));
+        }
+        for (at_s, state) in self.states {
+            view.hear(at(at_s), &heard(Message::State(state)));
+        }
+        self.healths.into_iter().for_each(|health| view.hear(soon, &heard(Message::Health(health))));
+        self.reports.into_iter().for_each(|report| view.hear(soon, &heard(Message::Report(report))));
+        view
+    }
+}
+
+fn needs() -> Needs {
+    let corners = [(-5.0, -5.0), (9.0, -5.0), (9.0, 9.0), (-5.0, 9.0)];
+    Needs {
+        vehicles: BTreeSet::from([VehicleId(1), VehicleId(2)]),
+        venue_hash: 5,
+        fence: Polygon::new(corners.map(|(x_m, y_m)| Point::new(x_m, y_m)).to_vec()),
+        homes: vec![Point::new(1.0, 1.0), Point::new(2.0, 1.0)],
+        pose_sd_max_m: None,
+        software: "0.1.0".to_owned(),
+    }
+}
+
+/// Names what refuses: node and check.
+fn refusals(swarm: Swarm, needs: &Needs) -> Vec<String> {
+    let nodes = inspect(&swarm.view(), needs, at(NOW_S));
+    let refusing = |node: &Node| -> Vec<String> {
+        let checks = node.checks.iter().filter(|check| check.light == Light::NoGo);
+        checks.map(|check| format!("{}: {}", node.node, check.what)).collect()
+    };
+    let refusals: Vec<String> = nodes.iter().flat_map(refusing).collect();
+    assert_eq!(is_go(&nodes), refusals.is_empty());
+    refusals
+}
+
+/// Makes one thing wrong and names what must refuse.
+fn wrong(change: impl FnOnce(&mut Swarm), expected: &[&str]) {
+    let mut swarm = Swarm::sound();
+    change(&mut swarm);
+    assert_eq!(refusals(swarm, &needs()), expected);
+}
+
+#[test]
+fn a_sound_swarm_is_go() {
+    wrong(|_| {}, &[]);
+}
+
+#[test]
+fn each_check_of_a_vehicle_can_refuse() {
+    wrong(|swarm| swarm.states[0].0 = 8.9, &["vehicle 1: bus"]);
+    wrong(|swarm| swarm.hellos[1].software = "0.2.0".to_owned(), &["vehicle 2: software"]);
+    wrong(|swarm| swarm.hellos[1].venue_hash = 6, &["vehicle 2: venue"]);
+    wrong(|swarm| swarm.pose_of_1().sd = Deviation(510), &["vehicle 1: pose"]);
+    wrong(|swarm| swarm.pose_of_1().at.y_mm = 4000, &["vehicle 1: home"]);
+    wrong(|swarm| swarm.pose_of_1().at.y_mm = 10_000, &["vehicle 1: fence", "vehicle 1: home"]);
+    wrong(|swarm| swarm.pose_of_1().sd = Deviation::UNKNOWN, &["vehicle 1: pose"]);
+    wrong(|swarm| swarm.states[0].1.pose = None, &["vehicle 1: pose", "vehicle 1: fence", "vehicle 1: home"]);
+    wrong(|swarm| swarm.states[1].1.battery = None, &["vehicle 2: battery"]);
+    wrong(|swarm| swarm.states[1].1.battery = Some(Permille(500)), &["vehicle 2: battery"]);
+    wrong(|swarm| swarm.states[1].1.mode = Mode::Held, &["vehicle 2: mode"]);
+    wrong(|swarm| swarm.states[1].1.mode = Mode::Emergency, &["vehicle 2: mode"]);
+    wrong(|swarm| swarm.healths[0].hears.clear(), &["vehicle 1: radio"]);
+    wrong(|swarm| swarm.healths[0].disk_free_mb = Some(200), &["vehicle 1: disk"]);
+    wrong(|swarm| swarm.healths[0].samples_lost = 1, &["vehicle 1: samples"]);
+    wrong(|swarm| swarm.healths[0].troubles.push("radio: silent".to_owned()), &["vehicle 1: troubles"]);
+    let failsafes = Failsafes { companion: FailsafeAction::Off, ..Failsafes::default() };
+    let off = AutopilotHealth { failsafes, ..AutopilotHealth::default() };
+    wrong(|swarm| swarm.healths[0].autopilot = Some(off), &["vehicle 1: failsafes"]);
+}
+
+#[test]
+fn each_check_of_the_ground_can_refuse() {
+    wrong(
+        |swarm| swarm.reports.push(Report { store: 2, ..Swarm::sound().reports[0].clone() }),
+        &["ground: bus"],
+    );
+    wrong(|swarm| swarm.hellos[2].software = "9".to_owned(), &["ground: software"]);
+    wrong(|swarm| swarm.hellos[2].venue_hash = 6, &["ground: venue"]);
+    wrong(|swarm| swarm.reports[0].lease = Lease::default(), &["ground: lease"]);
+    wrong(|swarm| swarm.reports[0].phase = StationPhase::Running, &["ground: phase"]);
+    wrong(|swarm| swarm.reports[0].in_force = Some(OrderKind::Hold), &["ground: standing"]);
+    wrong(|swarm| swarm.reports[0].members = vec![VehicleId(1)], &["ground: vehicles"]);
+    wrong(|swarm| swarm.reports[0].troubles.push("store: disk full".to_owned()), &["ground: store"]);
+    let higher = Rover::ordered(1, Lease { number: 5, holder: 1 }, 1, OrderKind::Start).state;
+    wrong(|swarm| swarm.states[0].1.ordered = higher.ordered, &["ground: lease"]);
+}
+
+#[test]
+fn who_says_nothing_is_refused_but_for_what_need_not_be_known() {
+    let mut swarm = Swarm::sound();
+    swarm.states.pop();
+    swarm.healths[0].disk_free_mb = None;
+    let refused = refusals(swarm, &needs());
+    assert!(refused.iter().all(|refusal| refusal.starts_with("vehicle 2: ")), "{refused:?}");
+    assert!(refused.contains(&"vehicle 2: bus".to_owned()));
+    let mut silent = Swarm::sound();
+    silent.reports.clear();
+    assert!(refusals(silent, &needs()).contains(&"ground: bus".to_owned()));
+}
+
+#[test]
+fn the_limit_of_the_pose_is_that_of_the_file_or_said_to_be_assumed() {
+    let strict = Needs { pose_sd_max_m: Some(0.04), ..needs() };
+    assert_eq!(refusals(Swarm::sound(), &strict), ["vehicle 1: pose", "vehicle 2: pose"]);
+    let nodes = inspect(&Swarm::sound().view(), &needs(), at(NOW_S));
+    let assumed = &nodes[0].checks.iter().find(|check| check.what == "pose").unwrap().found;
+    assert!(assumed.contains("at most 0.50 m (assumed"), "{assumed}");
+}
+
+#[test]
+fn nobody_is_no_swarm() {
+    let nobody = Needs { vehicles: BTreeSet::new(), ..needs() };
+    assert!(!is_go(&inspect(&Swarm::sound().view(), &nobody, at(NOW_S))));
+}

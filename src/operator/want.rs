@@ -1,0 +1,32 @@
+//! What an operator is asked for, and what it says of it: plain values.
+
+use std::collections::BTreeSet;
+use std::time::Duration;
+
+use tomoswarm_proto::{OrderKind, RunId, VehicleId};
+
+/// Names a want.
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Debug)]
+pub enum WantId {
+    /// By hand; the number is given by whoever wants it.
+    Hand(u32),
+    /// The script's, counted from 0.
+    Script(u32),
+}
+
+/// What is wanted of vehicles.
+#[derive(Clone, PartialEq, Eq, Debug)]
+pub struct Want {
+    /// What they shall do.
+    pub kind: OrderKind,
+    /// Which vehicles; empty = all.
+    pub vehicles: BTreeSet<VehicleId>,
+    /// In which run; `None` = the present one, or the next one if the want begins one.
+    pub run: Option<RunId>,
+    /// Whether a start begins a new run when the ground station is idle; otherwise it goes on with the present one.
+    pub begins: bool,
+    /// Whether the lease is taken from whoever holds it; otherwise the one in force is joined.
+    pub take_over: bool,
+    /// When it is given up.
+    pub within: Duration,
+}

@@ -1,0 +1,89 @@
+//! The operator on the real bus: a thin loop that feeds its actor with what is heard and with the time, and publishes what
+//! it says. It decides nothing, and shows nothing.
+
+use super::bus::Heard;
+use super::operator_session::Session;
+use crate::actor::{ActorCell, Fault};
+use crate::operator::fleet_view::FleetView;
+use crate::operator::operator_actor::{In, Operator, OperatorSettings, Out};
+use crate::time::Time;
+
+/// Messages taken before whoever shows the operator has its turn.
+const AT_ONCE: usize = 1000;
+
+/// An operator and its part of the bus.
+pub struct LiveOperator {
+    session: Session,
+    operator: ActorCell<Operator>,
+    is_linked: bool,
+    /// The latest moment that the operator was told.
+    latest: Time,
+}
+
+impl LiveOperator {
+    /// Joins an operator with its part of the bus.
+    pub fn new(session: Session, settings: OperatorSettings) -> LiveOperator {
+        let operator = ActorCell::new(Operator::new(settings));
+        LiveOperator { session, operator, is_linked: false, latest: Time::ZERO }
+    }
+
+    /// Tells the operator something; it acts on it when it goes on.
+    pub fn tell(&mut self, input: In) {
+        self.operator.push(input);
+    }
+
+    /// Returns what the operator knows of the fleet.
+    pub fn view(&self) -> &FleetView {
+        self.operator.actor().view()
+    }
+
+    /// Returns its part of the bus.
+    pub fn session(&self) -> &Session {
+        &self.session
+    }
+
+    /// Returns the time since it joined.
+    pub fn now(&self) -> Time {
+        self.session.now()
+    }
+
+    /// Goes on until something was heard or said, or a moment has come. `observe` sees all that is heard; what the
+    /// operator says beside its messages is returned.
+    ///
+    /// # Errors
+    /// The operator cannot go on.
+    pub fn go_on(&mut self, until: Time, mut observe: impl FnMut(Time, &Heard)) -> Result<Vec<Out>, Fault> {
+        let is_linked = self.session.is_linked();
+        if is_linked != self.is_linked {
+            self.is_linked = is_linked;
+            self.operator.push(In::Linked(is_linked));
+        }
+        let mut said = Vec::new();
+        self.act(self.now(), &mut said)?;
+        let due = self.operator.deadline().map_or(until, |deadline| deadline.at.min(until));
+        let mut next = self.session.hear(if said.is_empty() { due } else { Time::ZERO });
+        for _ in 0..AT_ONCE {
+            let Some((at, heard)) = next else { break };
+            observe(at, &heard);
+            self.operator.push(In::Bus(heard));
+            self.act(at, &mut said)?;
+            next = self.session.hear(Time::ZERO);
+        }
+        Ok(said)
+    }
+
+    /// Leaves the bus.
+    pub fn close(self) {
+        self.session.close();
+    }
+
+    /// Lets the operator act. What has waited to be read came before what was done meanwhile; time does not go back.
+    fn act(&mut self, at: Time, said: &mut Vec<Out>) -> Result<(), Fault> {
+        self.latest = self.latest.max(at);
+        let publisher = self.session.mouth();
+        self.operator.act(self.latest, |out| match out {
+            Out::Publish(message) => publisher.publish(&message),
+            Out::InForce(..) | Out::Ended(..) | Out::Cue(_) | Out::ScriptEnded(_) => said.push(out),
+        })
+    }
+}

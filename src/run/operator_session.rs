@@ -1,0 +1,98 @@
+//! An operator's part of the bus. What is heard waits in a bounded queue; when the operator cannot keep up the newest is
+//! dropped and counted. It says nothing by itself.
+
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::mpsc::{Receiver, RecvTimeoutError, sync_channel};
+use std::time::{Duration, SystemTime, UNIX_EPOCH};
+
+use super::bus::{Bus, BusError, BusSettings, Heard, Mouth};
+use super::clock::Clock;
+use super::mailbox::Troubles;
+use crate::time::Time;
+
+/// Messages that may wait to be read.
+const WAITING: usize = 8192;
+
+/// A tool's part of the bus.
+pub struct Session {
+    bus: Bus,
+    mouth: Mouth,
+    heard: Receiver<(Time, Heard)>,
+    clock: Clock,
+    /// This machine's date when the clock was started, seconds since 1970.
+    began_utc_s: f64,
+    troubles: Troubles,
+    dropped: Arc<AtomicU64>,
+}
+
+impl Session {
+    /// Joins the bus.
+    ///
+    /// # Errors
+    /// The settings cannot be used, or it cannot listen.
+    pub fn open(settings: BusSettings) -> Result<Session, BusError> {
+        let (clock, troubles, dropped) = (Clock::start(), Troubles::default(), Arc::new(AtomicU64::new(0)));
+        let began_utc_s = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default().as_secs_f64();
+        let (say, heard) = sync_channel(WAITING);
+        let of_ear = dropped.clone();
+        let hear = move |what| {
+            if say.try_send((clock.now(), what)).is_err() {
+                of_ear.fetch_add(1, Ordering::Relaxed);
+            }
+        };
+        let bus = Bus::open(settings, clock, troubles.clone(), hear)?;
+        let mouth = bus.mouth();
+        mouth.speak();
+        Ok(Session { bus, mouth, heard, clock, began_utc_s, troubles, dropped })
+    }
+
+    /// Gives the time since the tool joined.
+    pub fn now(&self) -> Time {
+        self.clock.now()
+    }
+
+    /// Gives a moment by this machine's date, seconds since 1970; for people and notes, never to decide by.
+    pub fn utc_s(&self, at: Time) -> f64 {
+        self.began_utc_s + at.as_secs_f64()
+    }
+
+    /// Waits for the next message until a moment.
+    pub fn hear(&self, until: Time) -> Option<(Time, Heard)> {
+        let wait = until.since(self.now());
+        match self.heard.recv_timeout(wait) {
+            Ok(heard) => Some(heard),
+            Err(RecvTimeoutError::Timeout) => None,
+            Err(RecvTimeoutError::Disconnected) => {
+                // The bus is gone; whoever listens must not turn in circles.
+                std::thread::sleep(wait.min(Duration::from_millis(50)));
+                None
+            }
+        }
+    }
+
+    /// Gives what messages are published by.
+    pub fn mouth(&self) -> &Mouth {
+        &self.mouth
+    }
+
+    /// Tells whether anyone can be reached.
+    pub fn is_linked(&self) -> bool {
+        self.mouth.links() > 0
+    }
+
+    /// Gives what is wrong with the bus, in words.
+    pub fn troubles(&self) -> Vec<String> {
+        self.troubles.list()
+    }
+
+    /// Tells how many messages were dropped since the tool could not keep up.
+    pub fn dropped(&self) -> u64 {
+        self.dropped.load(Ordering::Relaxed)
+    }
+
+    /// Leaves the bus.
+    pub fn close(self) {
+        self.bus.close();
+    }
+}

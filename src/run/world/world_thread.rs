@@ -1,0 +1,210 @@
+//! The world's own thread: lets things happen when their time has come, hands words to the world in between, and what
+//! it says to the connections. Who is connected is its matter; what is true in the world is not.
+
+use std::collections::BTreeMap;
+use std::sync::Arc;
+use std::sync::mpsc::{Receiver, RecvTimeoutError};
+use std::time::{Duration, Instant};
+
+use tomoswarm_proto::{Boot, VehicleId};
+
+use super::live_world::{LiveWorld, VehicleWord};
+use super::outgoing::{Outgoing, Worth};
+use crate::run::link::{FromWorld, Refused, Status, ToWorld, Welcome, encode};
+use crate::time::Time;
+
+/// Something for the world's thread.
+#[derive(Debug)]
+pub enum Inbound {
+    /// A connection that has shown the token wants to drive a vehicle.
+    Join {
+        /// Number of the connection.
+        connection: u64,
+        /// Which vehicle.
+        vehicle: VehicleId,
+        /// Which start of its software.
+        boot: Boot,
+        /// Where answers go.
+        outgoing: Arc<Outgoing>,
+    },
+    /// A connection that has shown the token wants to direct.
+    Control {
+        /// Number of the connection.
+        connection: u64,
+        /// Where answers go.
+        outgoing: Arc<Outgoing>,
+    },
+    /// A connection has said something more.
+    Word {
+        /// Number of the connection.
+        connection: u64,
+        /// What it said.
+        word: ToWorld,
+    },
+    /// A connection has ended.
+    Gone {
+        /// Its number.
+        connection: u64,
+    },
+    /// The world shall end.
+    End,
+}
+
+/// What a connection is for.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+enum Role {
+    /// It drives the vehicle of this index.
+    Drives(usize),
+    /// It directs.
+    Directs,
+}
+
+/// The world's thread.
+pub struct WorldThread {
+    world: LiveWorld,
+    began: Instant,
+    connections: BTreeMap<u64, (Role, Arc<Outgoing>)>,
+    said: Vec<VehicleWord>,
+    is_ended: bool,
+}
+
+impl WorldThread {
+    /// Begins the world's time.
+    pub fn new(world: LiveWorld) -> WorldThread {
+        WorldThread {
+            world,
+            began: Instant::now(),
+            connections: BTreeMap::new(),
+            said: Vec::new(),
+            is_ended: false,
+        }
+    }
+
+    /// Runs the world until it is ended; gives how it went.
+    pub fn run(mut self, inbox: &Receiver<Inbound>) -> Status {
+        while !self.is_ended {
+            let wait = self.world.next_at().since(self.now());
+            let inbound = match inbox.recv_timeout(wait.min(Duration::from_secs(3600))) {
+                Ok(inbound) => Some(inbound),
+                Err(RecvTimeoutError::Timeout) => None,
+                Err(RecvTimeoutError::Disconnected) => break,
+            };
+            let now = self.now();
+            self.world.advance(now, &mut self.said);
+            self.hand_out();
+            if let Some(inbound) = inbound {
+                self.take(inbound);
+                self.hand_out();
+            }
+        }
+        self.connections.values().for_each(|(_, outgoing)| outgoing.close());
+        self.world.status()
+    }
+
+    fn now(&self) -> Time {
+        Time::ZERO + self.began.elapsed()
+    }
+
+    fn hand_out(&mut self) {
+        for (index, word) in self.said.drain(..) {
+            let role = Role::Drives(index);
+            let driver = self.connections.values().find(|(drives, _)| *drives == role);
+            if let Some((_, outgoing)) = driver {
+                say(outgoing, &word);
+            }
+        }
+    }
+
+    fn take(&mut self, inbound: Inbound) {
+        match inbound {
+            Inbound::Join { connection, vehicle, boot, outgoing } => {
+                self.join(connection, vehicle, boot, outgoing);
+            }
+            Inbound::Control { connection, outgoing } => {
+                let now_ns = self.now().as_nanos();
+                say(&outgoing, &FromWorld::Welcome(Welcome { now_ns, start: None }));
+                self.connections.insert(connection, (Role::Directs, outgoing));
+            }
+            Inbound::Word { connection, word } => match self.connections.get(&connection) {
+                Some((Role::Drives(index), _)) => self.world.obey(*index, word, &mut self.said),
+                Some((Role::Directs, outgoing)) => self.direct(word, &outgoing.clone()),
+                // It was replaced or refused meanwhile.
+                None => {}
+            },
+            Inbound::Gone { connection } => match self.connections.remove(&connection) {
+                Some((Role::Drives(index), outgoing)) => {
+                    outgoing.close();
+                    self.world.leave(index);
+                }
+                Some((Role::Directs, outgoing)) => outgoing.close(),
+                None => {}
+            },
+            Inbound::End => self.is_ended = true,
+        }
+    }
+
+    fn join(&mut self, connection: u64, vehicle: VehicleId, boot: Boot, outgoing: Arc<Outgoing>) {
+        let (index, welcome) = match self.world.join(vehicle, boot) {
+            Ok(joined) => joined,
+            Err(refused) => {
+                refuse(&outgoing, refused);
+                return;
+            }
+        };
+        let role = Role::Drives(index);
+        let replaced: Vec<u64> =
+            self.connections.iter().filter(|(_, (other, _))| *other == role).map(|(key, _)| *key).collect();
+        for key in replaced {
+            if let Some((_, old)) = self.connections.remove(&key) {
+                refuse(&old, Refused::Replaced { vehicle, by: boot });
+            }
+        }
+        say(&outgoing, &FromWorld::Welcome(welcome));
+        self.connections.insert(connection, (role, outgoing));
+    }
+
+    fn direct(&mut self, word: ToWorld, outgoing: &Outgoing) {
+        let answer = match word {
+            ToWorld::Enter => {
+                self.world.enter();
+                FromWorld::Status(self.world.status())
+            }
+            ToWorld::Report => FromWorld::Status(self.world.status()),
+            ToWorld::Track { vehicle, from } => FromWorld::Places(self.world.places(vehicle, from)),
+            ToWorld::Stop => {
+                self.is_ended = true;
+                FromWorld::Status(self.world.status())
+            }
+            ToWorld::Join { .. }
+            | ToWorld::Control { .. }
+            | ToWorld::Fly(_)
+            | ToWorld::Steer(_)
+            | ToWorld::Ping(_)
+            | ToWorld::Transmit(_) => FromWorld::Refused(Refused::Garbage),
+        };
+        say(outgoing, &answer);
+    }
+}
+
+fn say(outgoing: &Outgoing, word: &FromWorld) {
+    let worth = match word {
+        FromWorld::Telemetry(_) => Worth::Telemetry,
+        FromWorld::Welcome(_)
+        | FromWorld::Refused(_)
+        | FromWorld::Echo(_)
+        | FromWorld::Heard { .. }
+        | FromWorld::Unsent(_)
+        | FromWorld::Status(_)
+        | FromWorld::Places(_) => Worth::Word,
+    };
+    // Every word of ours can be written; one that could not would be missed like a lost one.
+    if let Ok(frame) = encode(word) {
+        outgoing.push(worth, frame);
+    }
+}
+
+/// Says why a connection is ended; it ends when that is written.
+pub fn refuse(outgoing: &Outgoing, refused: Refused) {
+    say(outgoing, &FromWorld::Refused(refused));
+    outgoing.close();
+}

@@ -1,0 +1,286 @@
+//! What the environment promises to its callers, whoever they are.
+
+use tomoswarm_proto::Boot;
+
+use super::*;
+use crate::config::{Fault, FaultKind};
+use crate::geom::Point;
+use crate::plan::{Mount, Mounts};
+use crate::sim::autopilot::Kind;
+use crate::sim::world::tests::{drive, secs, world};
+
+const ONE: VehicleId = VehicleId(1);
+
+/// Rovers at places on the x axis that face along it, their software running, with posts of 0.5 m radius ahead (their x, and their two ends).
+fn environment(posts: &[(f64, f64, f64)], places_m: &[f64], faults: Vec<Fault>) -> Environment {
+    let world = world(Kind::Rover, 0.0, posts, places_m);
+    begun(world, faults)
+}
+
+fn begun(world: World, faults: Vec<Fault>) -> Environment {
+    let mut environment = Environment::new(world, Noise::new(1), Faults::new(faults), None);
+    environment.begin(&mut Vec::new());
+    (0..environment.world().vehicles()).for_each(|vehicle| environment.attach(Time::ZERO, vehicle));
+    environment
+}
+
+fn fault(kind: FaultKind, from_s: f64, until_s: f64) -> Fault {
+    Fault { from: secs(from_s), until: secs(until_s), kind, vehicles: vec![ONE] }
+}
+
+fn beacon(sender: u8, sequence: u32) -> DeviceCommand {
+    let (sender, boot) = (VehicleId(sender), Boot(1));
+    let pose = Some(Default::default());
+    DeviceCommand::Transmit(Beacon { sender, boot, sequence, pose, channel: 15, ..Beacon::default() })
+}
+
+fn ping(number: u64) -> DeviceCommand {
+    DeviceCommand::Ping(Ping { number })
+}
+
+/// Tells a device something; gives what comes back at once.
+fn obey(
+    environment: &mut Environment,
+    now_s: f64,
+    vehicle: usize,
+    command: DeviceCommand,
+) -> Vec<WorldEvent> {
+    let mut said = Vec::new();
+    environment.obey(secs(now_s), vehicle, command, &mut said);
+    said.retain(|event| !matches!(event, WorldEvent::Scheduled(_)));
+    said
+}
+
+/// Lets everything happen up to a moment, event by event.
+fn wake(environment: &mut Environment, to_s: f64) -> Vec<WorldEvent> {
+    let (mut said, to) = (Vec::new(), secs(to_s));
+    while let Some(due) = environment.deadline().filter(|due| due.at <= to) {
+        environment.wake(due.at, &mut said);
+        assert!(
+            environment.deadline().is_none_or(|next| next.at > due.at),
+            "after a wake the deadline is later"
+        );
+    }
+    environment.wake(to, &mut said);
+    said
+}
+
+/// What was measured, and by whom.
+fn echoes(said: &[WorldEvent]) -> Vec<(usize, Option<f64>)> {
+    let of = |event: &WorldEvent| match event {
+        WorldEvent::Echo { vehicle, echo } => Some((*vehicle, echo.range_m)),
+        _other => None,
+    };
+    said.iter().filter_map(of).collect()
+}
+
+/// Who heard something.
+fn hearers(said: &[WorldEvent]) -> Vec<usize> {
+    let of = |event: &WorldEvent| match event {
+        WorldEvent::Heard { receivers, .. } => receivers.iter().map(|(to, _)| *to).collect(),
+        _other => Vec::new(),
+    };
+    said.iter().flat_map(of).collect()
+}
+
+fn contacts(said: &[WorldEvent]) -> usize {
+    said.iter().filter(|event| matches!(event, WorldEvent::Contact(_))).count()
+}
+
+#[test]
+fn a_ping_before_the_servo_has_turned_hears_what_it_passes() {
+    // 60° in 0.6 s; ahead stands a post, to the left nothing.
+    let servo =
+        Mount { zero: Angle::ZERO, from_rad: -1.6, to_rad: 1.6, slew_s_per_rad: 0.6 / 60f64.to_radians() };
+    let world = world(Kind::Rover, 0.0, &[(3.0, 0.0, 1.0)], &[0.0]).with_mounts(Mounts::new(vec![servo]));
+    let mut environment = begun(world, Vec::new());
+    let hears = |environment: &mut Environment, now_s: f64| {
+        let heard = echoes(&wake(environment, now_s + 0.09));
+        let [(0, range_m)] = heard[..] else { panic!("{heard:?}") };
+        range_m.is_some()
+    };
+    obey(&mut environment, 1.0, 0, ping(1));
+    obey(&mut environment, 1.0, 0, DeviceCommand::Steer(Angle::from_degrees(90.0)));
+    assert!(hears(&mut environment, 1.0), "it begins at its zero");
+    for (now_s, is_heard) in [(1.1, true), (1.5, false), (2.0, false)] {
+        obey(&mut environment, now_s, 0, ping(1));
+        assert_eq!(hears(&mut environment, now_s), is_heard, "after {now_s} s");
+    }
+}
+
+/// Plays a drive against a post, a ping, a beacon and a fault of a battery, either waking the environment at its deadlines
+/// or at what it has scheduled; gives what it says.
+fn play(by_schedule: bool) -> Vec<WorldEvent> {
+    let world = world(Kind::Rover, 0.0, &[(1.5, 0.0, 1.0)], &[0.0, -3.0]);
+    let charge = Faults::new(vec![fault(FaultKind::Battery(0.5), 2.0, 3.0)]);
+    let mut environment = Environment::new(world, Noise::new(1), charge, None);
+    let (mut said, mut fresh, mut scheduled) = (Vec::new(), Vec::new(), Vec::new());
+    (0..2).for_each(|vehicle| environment.attach(Time::ZERO, vehicle));
+    environment.begin(&mut fresh);
+    for (vehicle, command) in [(0, DeviceCommand::Fly(drive(9.0))), (0, ping(1)), (1, beacon(2, 1))] {
+        environment.obey(Time::ZERO, vehicle, command, &mut fresh);
+    }
+    loop {
+        for event in fresh.drain(..) {
+            if let WorldEvent::Scheduled(at) = event { scheduled.push(at) } else { said.push(event) }
+        }
+        scheduled.sort();
+        let due = environment.deadline().map(|due| due.at);
+        let next = if by_schedule { (!scheduled.is_empty()).then(|| scheduled.remove(0)) } else { due };
+        let Some(at) = next.filter(|at| *at <= secs(8.0)) else { return said };
+        environment.wake(at, &mut fresh);
+    }
+}
+
+#[test]
+fn woken_at_what_it_scheduled_it_says_the_same_as_woken_at_its_deadlines() {
+    let said = play(false);
+    assert_eq!(play(true), said);
+    assert_eq!((echoes(&said).len(), hearers(&said).len(), contacts(&said)), (1, 1, 1));
+    assert!(said.contains(&WorldEvent::Charged { vehicle: 0, charge: 0.5 }));
+}
+
+#[test]
+fn a_blind_sensor_and_a_dead_radio_are_silent_and_only_for_as_long_as_they_are() {
+    let faults = vec![fault(FaultKind::Sensor, 1.0, 2.0), fault(FaultKind::Radio, 1.0, 2.0)];
+    let mut environment = environment(&[(3.0, 0.0, 1.0)], &[0.0, -3.0], faults);
+    let mut at = |now_s: f64| {
+        obey(&mut environment, now_s, 0, ping(1));
+        obey(&mut environment, now_s, 0, beacon(1, 1));
+        let mut said = wake(&mut environment, now_s + 0.1);
+        obey(&mut environment, now_s + 0.1, 1, beacon(2, 1));
+        said.extend(wake(&mut environment, now_s + 0.4));
+        (echoes(&said).len(), hearers(&said))
+    };
+    assert_eq!(at(0.5), (1, vec![1, 0]));
+    assert_eq!(at(1.0), (0, vec![]), "neither heard nor hears");
+    assert_eq!(at(2.0), (1, vec![1, 0]));
+}
+
+#[test]
+fn a_long_sleep_is_not_made_up_for() {
+    let mut environment = environment(&[], &[0.0], Vec::new());
+    let mut said = Vec::new();
+    environment.wake(secs(0.1), &mut said);
+    said.clear();
+    environment.wake(secs(20.1), &mut said);
+    let reports = said.iter().filter(|event| matches!(event, WorldEvent::Telemetry { .. })).count();
+    assert!(reports <= 2, "{reports}");
+    assert!(environment.deadline().unwrap().at > secs(20.1));
+}
+
+#[test]
+fn a_contact_that_a_newer_command_prevents_does_not_come() {
+    let mut environment = environment(&[(5.0, 0.0, 1.0)], &[0.0], Vec::new());
+    obey(&mut environment, 0.0, 0, DeviceCommand::Fly(drive(9.0)));
+    let said = wake(&mut environment, 1.5);
+    obey(&mut environment, 1.5, 0, DeviceCommand::Fly(Fly::Stop));
+    assert_eq!(contacts(&said) + contacts(&wake(&mut environment, 20.0)), 0);
+    assert!(environment.world().truth(0, secs(20.0)).at.distance_to(Point::new(0.0, 0.0)) > 0.5);
+}
+
+#[test]
+fn a_sensor_that_measures_is_not_asked_twice() {
+    let mut environment = environment(&[(3.0, 0.0, 1.0)], &[0.0], Vec::new());
+    (1..=5).for_each(|number| assert_eq!(obey(&mut environment, 0.0, 0, ping(number)), []));
+    assert_eq!(echoes(&wake(&mut environment, 0.5)).len(), 1);
+    assert_eq!((environment.counts().scans, environment.counts().dropped), (1, 4));
+    obey(&mut environment, 0.5, 0, ping(6));
+    assert_eq!(echoes(&wake(&mut environment, 1.0)).len(), 1, "it is free again");
+}
+
+#[test]
+fn a_beacon_while_the_radio_speaks_comes_back_and_the_first_one_is_heard() {
+    let mut environment = environment(&[], &[0.0, -3.0], Vec::new());
+    assert_eq!(obey(&mut environment, 0.0, 0, beacon(1, 7)), []);
+    let unsent = WorldEvent::Unsent { vehicle: 0, sequence: 8 };
+    assert_eq!(obey(&mut environment, 0.0, 0, beacon(1, 8)), [unsent]);
+    assert_eq!(hearers(&wake(&mut environment, 0.1)), [1]);
+    assert_eq!(obey(&mut environment, 0.1, 0, beacon(1, 8)), []);
+    assert_eq!(hearers(&wake(&mut environment, 0.2)), [1]);
+}
+
+#[test]
+fn a_beacon_in_anothers_name_or_for_no_frame_comes_back_and_nobody_hears_it() {
+    let mut environment = environment(&[], &[0.0, -3.0], Vec::new());
+    let unsent = [WorldEvent::Unsent { vehicle: 0, sequence: 3 }];
+    assert_eq!(obey(&mut environment, 0.0, 0, beacon(2, 3)), unsent);
+    let DeviceCommand::Transmit(mut long) = beacon(1, 3) else { panic!("a beacon") };
+    long.members = vec![VehicleId(1); 300_000];
+    assert_eq!(obey(&mut environment, 0.0, 0, DeviceCommand::Transmit(long)), unsent);
+    assert!(hearers(&wake(&mut environment, 0.1)).is_empty());
+}
+
+#[test]
+fn a_dead_radio_does_not_say_that_it_has_not_sent() {
+    let mut environment = environment(&[], &[0.0, -3.0], vec![fault(FaultKind::Radio, 0.0, 1.0)]);
+    (1..=2).for_each(|sequence| assert_eq!(obey(&mut environment, 0.0, 0, beacon(1, sequence)), []));
+    assert!(hearers(&wake(&mut environment, 0.5)).is_empty());
+}
+
+#[test]
+fn an_autopilot_brakes_two_seconds_after_the_last_word_of_its_companion() {
+    for leaves in [false, true] {
+        let mut environment = environment(&[], &[0.0], Vec::new());
+        obey(&mut environment, 0.0, 0, DeviceCommand::Fly(drive(90.0)));
+        wake(&mut environment, 3.0);
+        let stood_m = environment.world().truth(0, secs(9.0)).at.x_m;
+        // 1 m in 2 s, and 0.5 m to brake.
+        assert!((stood_m - 1.5).abs() < 0.02, "a word at the beginning is not enough: {stood_m}");
+        obey(&mut environment, 9.0, 0, DeviceCommand::Fly(drive(90.0)));
+        for half in 1..20 {
+            wake(&mut environment, 9.0 + 0.5 * f64::from(half));
+            obey(&mut environment, 9.0 + 0.5 * f64::from(half), 0, ping(1));
+        }
+        assert_eq!(environment.world().truth(0, secs(18.5)).speed_mps, 1.0, "any word keeps it driving");
+        if leaves {
+            environment.detach(secs(18.5), 0);
+        }
+        wake(&mut environment, 20.4);
+        assert_eq!(environment.world().truth(0, secs(20.4)).speed_mps, 1.0);
+        wake(&mut environment, 22.0);
+        assert_eq!(environment.world().truth(0, secs(22.0)).speed_mps, 0.0);
+    }
+}
+
+#[test]
+fn software_that_does_not_run_is_told_nothing() {
+    let mut environment = environment(&[(3.0, 0.0, 1.0)], &[0.0, -3.0], Vec::new());
+    obey(&mut environment, 0.0, 0, ping(1));
+    obey(&mut environment, 0.0, 1, beacon(2, 1));
+    environment.detach(Time::ZERO, 0);
+    let said = wake(&mut environment, 0.5);
+    let is_told = |event: &WorldEvent| matches!(event, WorldEvent::Telemetry { vehicle: 0, .. });
+    assert!(echoes(&said).is_empty() && hearers(&said).is_empty() && !said.iter().any(is_told));
+    environment.attach(secs(0.5), 0);
+    assert!(wake(&mut environment, 1.0).iter().any(is_told));
+}
+
+#[test]
+fn a_wreck_obeys_no_more_and_others_may_meet_it() {
+    // The first one touches the post; the second one comes from behind.
+    let mut environment = environment(&[(1.5, 0.0, 1.0)], &[0.0, -3.0], Vec::new());
+    obey(&mut environment, 0.0, 0, DeviceCommand::Fly(drive(9.0)));
+    obey(&mut environment, 0.0, 1, DeviceCommand::Fly(drive(0.6)));
+    let mut said = wake(&mut environment, 1.9);
+    assert_eq!(contacts(&said), 1);
+    let place = environment.world().truth(0, secs(1.9)).at;
+    for second in 0..4 {
+        let now_s = 1.9 + f64::from(second);
+        obey(&mut environment, now_s, 0, DeviceCommand::Fly(drive(-9.0)));
+        obey(&mut environment, now_s, 1, ping(1));
+        said.extend(wake(&mut environment, now_s + 1.0));
+    }
+    assert_eq!((contacts(&said), environment.counts().dropped), (2, 4));
+    assert_eq!(environment.world().truth(0, secs(6.0)).at, place);
+}
+
+#[test]
+fn a_flood_of_commands_leaves_nothing_behind() {
+    let mut environment = environment(&[(5.0, 0.0, 1.0)], &[0.0, -3.0], Vec::new());
+    for number in 0..20_000 {
+        obey(&mut environment, 0.0, 0, DeviceCommand::Fly(drive(4.0 + (number % 7) as f64)));
+        obey(&mut environment, 0.0, 0, ping(number));
+    }
+    assert!(environment.pending() < 20, "{} things are to happen", environment.pending());
+}

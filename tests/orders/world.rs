@@ -1,0 +1,524 @@
+//! Operators and vehicles over a bus that loses, delays, doubles and cuts, in virtual time and by a seed. The operators and
+//! the vehicles' order logic are the real ones; the ground station only holds a lease and reports what stands. After 40 s
+//! nothing is cut or started anew any more, and one operator wants everybody to hold.
+//!
+//! Judged is every moment by what was truly in force on each vehicle, which no operator sees. Mistakes can be planted; they
+//! are made of altered messages, so that the real code need not know of them.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::time::Duration;
+
+use tomoswarm::actor::Actor;
+use tomoswarm::config::{self, Config, Sim, bundled};
+use tomoswarm::geom::{Angle, Point, Pose};
+use tomoswarm::node::Settings;
+use tomoswarm::node::vehicle::{self, Motion, Telemetry, Vehicle};
+use tomoswarm::operator::Heard;
+use tomoswarm::operator::operator_actor::{In, Out};
+use tomoswarm::operator::outcome::{Outcome, VehicleOutcome};
+use tomoswarm::operator::script::Step;
+use tomoswarm::operator::want::{Want, WantId};
+use tomoswarm::time::Time;
+use tomoswarm_proto::{
+    Boot, Lease, Message, OperatorId, Order, OrderKind, Ordered, Report, RunId, Sender, State, VehicleId,
+};
+
+use super::chance::Chance;
+use super::nodes::{Hand, Rover, VEHICLES};
+
+const TICK: Duration = Duration::from_millis(10);
+/// Nothing that the bus carries comes later.
+const LATEST: Duration = Duration::from_millis(400);
+/// Shares of frames that are lost, and that come twice.
+const LOST: f64 = 0.3;
+const DOUBLED: f64 = 0.1;
+/// Until then wants are given at random; then comes the last one, which is judged for some more seconds.
+const WANTS_END_S: f64 = 34.0;
+const FAULTS_END_S: f64 = 38.0;
+const LAST_WANT_S: f64 = 42.0;
+const END_S: f64 = 54.0;
+/// How long a want may take, and the last one.
+const WITHIN: Duration = Duration::from_secs(5);
+const LAST_WITHIN: Duration = Duration::from_secs(8);
+/// The number of the last want.
+const LAST: u32 = 1000;
+
+/// A mistake that is planted.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub enum Mistake {
+    /// An order is sent once, and not again.
+    NotRepeated,
+    /// A vehicle takes the lower lease for the higher one.
+    LeaseComparedWrongly,
+    /// An operator takes a state that shows an old order of the same kind for obedience.
+    OldStateCounts,
+}
+
+/// What came of a world.
+#[derive(Clone, Copy, Default, Debug)]
+pub struct Tally {
+    /// Vehicles that an operator called obedient.
+    pub obeyed: u64,
+    /// Wants that ended otherwise for a vehicle.
+    pub not_obeyed: u64,
+    /// Orders of a lower lease than one obeyed before the vehicle was started anew: it has forgotten that one.
+    pub lowered_by_restart: u64,
+}
+
+/// Who takes part.
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Debug)]
+enum Node {
+    Vehicle(usize),
+    Operator(usize),
+    Ground,
+}
+
+/// A node that nobody reaches for a while.
+struct Cut {
+    node: Node,
+    from: Time,
+    until: Time,
+}
+
+struct World {
+    chance: Chance,
+    now: Time,
+    sim: Sim,
+    rovers: Vec<Rover>,
+    hands: Vec<Hand>,
+    /// What each vehicle said last that it was ordered, as the ground station heard it.
+    shown: BTreeMap<VehicleId, Option<OrderKind>>,
+    ground_up_from: Time,
+    cuts: Vec<Cut>,
+    restarts: Vec<(Time, Node)>,
+    flying: BTreeMap<(Time, u64), (Node, Heard)>,
+    frames: u64,
+    mistake: Option<Mistake>,
+    tally: Tally,
+    wrong: Option<String>,
+}
+
+/// Lets a world run to its end.
+///
+/// # Errors
+/// What is not as it must be.
+pub fn play(seed: u64, mistake: Option<Mistake>) -> Result<Tally, String> {
+    let mut world = World::new(seed, mistake);
+    while world.now < at(END_S) {
+        world.tick();
+        if let Some(wrong) = world.wrong {
+            return Err(format!("seed {seed}, {} s: {wrong}", world.now));
+        }
+    }
+    Ok(world.tally)
+}
+
+fn at(at_s: f64) -> Time {
+    Time::from_secs_f64(at_s)
+}
+
+/// Returns the bundled simulation, of which the vehicles have their settings.
+fn sim() -> Sim {
+    let path = bundled::simulation("courtyard").unwrap();
+    match config::read(path, &bundled::load(path).unwrap(), &mut |path| bundled::load(path)) {
+        Ok(Config::Sim(sim)) => *sim,
+        other => panic!("{other:?}"),
+    }
+}
+
+fn rover(sim: &Sim, id: VehicleId, boot: Boot) -> Vehicle {
+    Vehicle::new(Settings::from_config(sim, id, boot, Point::new(f64::from(id.0), 0.0)))
+}
+
+impl World {
+    fn new(seed: u64, mistake: Option<Mistake>) -> World {
+        let (chance, sim) = (Chance::new(seed), sim());
+        let rovers = (1..=VEHICLES).map(VehicleId).map(|id| Rover {
+            id,
+            actor: rover(&sim, id, Boot(1)),
+            boot: Boot(1),
+            up_from: Time::ZERO,
+            in_force: Ordered::default(),
+            history: vec![(Time::ZERO, Ordered::default())],
+            highest: Lease::default(),
+        });
+        let rovers = rovers.collect();
+        let mut world = World {
+            chance,
+            now: Time::ZERO,
+            sim,
+            rovers,
+            hands: vec![Hand::new(1), Hand::new(2)],
+            shown: BTreeMap::new(),
+            ground_up_from: Time::ZERO,
+            cuts: Vec::new(),
+            restarts: Vec::new(),
+            flying: BTreeMap::new(),
+            frames: 0,
+            mistake,
+            tally: Tally::default(),
+            wrong: None,
+        };
+        world.plan_faults();
+        if chance.share("script", &[]) < 0.5 {
+            world.follow();
+        }
+        world
+    }
+
+    /// Draws who is cut off and who is started anew, and when.
+    fn plan_faults(&mut self) {
+        let nodes: Vec<Node> = (0..usize::from(VEHICLES))
+            .map(Node::Vehicle)
+            .chain([Node::Operator(0), Node::Operator(1), Node::Ground])
+            .collect();
+        for number in 0..6 {
+            let draw = |what| self.chance.share(what, &[number]);
+            let from = at(1.0 + draw("cut from") * (FAULTS_END_S - 7.0));
+            let until = from + Duration::from_secs_f64(6.0 * draw("cut for"));
+            let node = nodes[self.chance.below("cut", &[number], nodes.len())];
+            self.cuts.push(Cut { node, from, until });
+            let restart = at(1.0 + draw("restart at") * (FAULTS_END_S - 4.0));
+            let of = [Node::Vehicle(0), Node::Vehicle(1), Node::Vehicle(2), Node::Ground];
+            self.restarts.push((restart, of[self.chance.below("restart", &[number], of.len())]));
+        }
+    }
+
+    /// Lets the second operator follow a script.
+    fn follow(&mut self) {
+        let kinds = [OrderKind::Start, OrderKind::Hold, OrderKind::Return, OrderKind::Emergency];
+        let first = self.chance.below("script kind", &[], kinds.len());
+        let mut steps = Vec::new();
+        for number in 0..3 {
+            steps.push(Step::Delay(Duration::from_secs_f64(8.0 * self.chance.share("delay", &[number]))));
+            // No two of a kind, so that an order tells of which want it is.
+            let kind = kinds[(first + number as usize) % kinds.len()];
+            steps.push(Step::Want(Want { kind, ..self.draw_want(1, 100 + number) }));
+        }
+        let began = self.now;
+        for step in &steps {
+            if let Step::Want(want) = step {
+                let number = u32::try_from(self.hands[1].wants.len()).unwrap();
+                self.hands[1].wants.insert(WantId::Script(number), (began, want.clone()));
+            }
+        }
+        self.hands[1].is_scripted = true;
+        self.hands[1].actor.push(In::Follow(steps));
+    }
+
+    fn draw_want(&self, hand: usize, number: u64) -> Want {
+        let ids = [hand as u64, number];
+        let kinds =
+            [OrderKind::Start, OrderKind::Hold, OrderKind::Return, OrderKind::Land, OrderKind::Emergency];
+        let is_in = |id: &VehicleId| self.chance.share("whom", &[ids[0], ids[1], u64::from(id.0)]) < 0.5;
+        let is_all = self.chance.share("all", &ids) < 0.5;
+        let some = (1..=VEHICLES).map(VehicleId).filter(|id| !is_all && is_in(id)).collect();
+        Want {
+            kind: kinds[self.chance.below("kind", &ids, kinds.len())],
+            vehicles: some,
+            run: None,
+            begins: true,
+            take_over: self.chance.share("take over", &ids) < 0.4,
+            within: WITHIN,
+        }
+    }
+
+    fn tick(&mut self) {
+        self.now = self.now + TICK;
+        self.restart();
+        self.deliver();
+        self.give_wants();
+        self.drive();
+        self.operate();
+        self.report();
+        self.judge_lateness();
+        self.judge_the_end();
+    }
+
+    fn restart(&mut self) {
+        let now = self.now;
+        let (due, later): (Vec<_>, Vec<_>) =
+            std::mem::take(&mut self.restarts).into_iter().partition(|(at, _)| *at <= now);
+        self.restarts = later;
+        for (at, node) in due {
+            let down = Duration::from_secs_f64(3.0 * self.chance.share("down", &[at.as_nanos()]));
+            match node {
+                Node::Vehicle(index) => {
+                    let rover_of = &mut self.rovers[index];
+                    rover_of.boot.0 += 1;
+                    rover_of.actor = rover(&self.sim, rover_of.id, rover_of.boot);
+                    rover_of.up_from = now + down;
+                    rover_of.in_force = Ordered::default();
+                    rover_of.history.push((now, Ordered::default()));
+                }
+                Node::Ground => self.ground_up_from = now + down,
+                Node::Operator(_) => {}
+            }
+        }
+    }
+
+    /// Puts a message on the bus, for everyone but its sender.
+    fn send(&mut self, from: Node, heard: &Heard) {
+        let all = (0..self.rovers.len()).map(Node::Vehicle);
+        let all = all.chain((0..self.hands.len()).map(Node::Operator)).chain([Node::Ground]);
+        for to in all.filter(|to| *to != from).collect::<Vec<Node>>() {
+            self.frames += 1;
+            let frame = self.frames;
+            let copies = if self.chance.share("doubled", &[frame]) < DOUBLED { 2 } else { 1 };
+            for copy in 0..copies {
+                let is_lost = self.chance.share("lost", &[frame, copy]) < LOST;
+                if !is_lost && !self.is_cut(from) && !self.is_cut(to) {
+                    let share = self.chance.share("delay", &[frame, copy]);
+                    // Most come soon.
+                    let delay = LATEST.mul_f64(share * share * share);
+                    self.flying.insert((self.now + delay, 2 * frame + copy), (to, heard.clone()));
+                }
+            }
+        }
+    }
+
+    fn is_cut(&self, node: Node) -> bool {
+        self.cuts.iter().any(|cut| cut.node == node && cut.from <= self.now && self.now < cut.until)
+    }
+
+    fn deliver(&mut self) {
+        let later = self.flying.split_off(&(self.now, u64::MAX));
+        let due = std::mem::replace(&mut self.flying, later);
+        for (to, heard) in due.into_values() {
+            match to {
+                Node::Vehicle(index) => self.tell_vehicle(index, &heard),
+                Node::Operator(index) => self.tell_operator(index, heard),
+                Node::Ground => self.tell_ground(&heard),
+            }
+        }
+    }
+
+    fn tell_vehicle(&mut self, index: usize, heard: &Heard) {
+        let Heard::Message(_, Message::Order(order)) = heard else { return };
+        let rover = &self.rovers[index];
+        if self.now < rover.up_from || order.vehicle != rover.id {
+            return;
+        }
+        let mut order = order.clone();
+        if self.mistake == Some(Mistake::LeaseComparedWrongly) {
+            order.lease = turned(order.lease);
+        }
+        self.step_vehicle(index, vehicle::In::Order(order));
+    }
+
+    fn tell_operator(&mut self, index: usize, mut heard: Heard) {
+        let hand = &mut self.hands[index];
+        if self.mistake == Some(Mistake::OldStateCounts)
+            && let Heard::Message(_, Message::State(State { vehicle, ordered, .. })) = &mut heard
+            && let Some(order) = hand.newest.get(vehicle).filter(|order| ordered.kind == Some(order.kind))
+        {
+            (ordered.lease, ordered.revision) = (order.lease, order.revision);
+        }
+        hand.actor.push(In::Bus(heard));
+    }
+
+    fn tell_ground(&mut self, heard: &Heard) {
+        let Heard::Message(_, Message::State(state)) = heard else { return };
+        if self.now >= self.ground_up_from {
+            self.shown.insert(state.vehicle, state.ordered.kind);
+        }
+    }
+
+    /// Lets the vehicles hear their autopilots, ten times a second.
+    fn drive(&mut self) {
+        if !self.now.as_nanos().is_multiple_of(100_000_000) {
+            return;
+        }
+        for index in 0..self.rovers.len() {
+            if self.now < self.rovers[index].up_from {
+                continue;
+            }
+            let place = Point::new(f64::from(self.rovers[index].id.0), 0.0);
+            let pose = Pose { at: place, heading: Angle::default(), sd_m: 0.05 };
+            let (motion, is_armed) = (Motion::Resting, true);
+            let telemetry = Telemetry { pose, speed_mps: 0.0, battery: 1.0, motion, is_armed };
+            self.step_vehicle(index, vehicle::In::Telemetry(telemetry));
+        }
+    }
+
+    fn step_vehicle(&mut self, index: usize, input: vehicle::In) {
+        let mut out = Vec::new();
+        self.rovers[index].actor.handle(self.now, input, &mut out).unwrap();
+        for said in out {
+            match said {
+                vehicle::Out::Publish(state) => self.publish_state(index, state),
+                vehicle::Out::Order(order) => self.obey(index, order),
+                vehicle::Out::Fly(_) | vehicle::Out::State(_) | vehicle::Out::Remark(_) => {}
+            }
+        }
+    }
+
+    fn publish_state(&mut self, index: usize, mut state: State) {
+        if self.mistake == Some(Mistake::LeaseComparedWrongly) && state.ordered.kind.is_some() {
+            state.ordered.lease = turned(state.ordered.lease);
+        }
+        let sender = Sender::Vehicle(state.vehicle);
+        self.send(Node::Vehicle(index), &Heard::Message(sender, Message::State(state)));
+    }
+
+    /// Judges what a vehicle obeys: never a lower lease than before, as long as it remembers.
+    fn obey(&mut self, index: usize, mut order: Order) {
+        if self.mistake == Some(Mistake::LeaseComparedWrongly) {
+            order.lease = turned(order.lease);
+        }
+        let now = self.now;
+        let rover = &mut self.rovers[index];
+        let Order { lease, revision, run, kind, .. } = order;
+        let before = rover.in_force;
+        if (lease, revision) <= before.edition() {
+            let id = rover.id;
+            self.wrong = Some(format!("vehicle {id} obeys {lease:?} {revision} after {before:?}"));
+            return;
+        }
+        self.tally.lowered_by_restart += u64::from(lease < rover.highest);
+        rover.highest = rover.highest.max(lease);
+        rover.in_force = Ordered { lease, revision, run, kind: Some(kind) };
+        rover.history.push((now, rover.in_force));
+    }
+
+    fn give_wants(&mut self) {
+        for index in 0..self.hands.len() {
+            let number = u64::from(self.hands[index].next);
+            let is_free = !self.hands[index].wants.keys().any(|id| matches!(id, WantId::Hand(_)));
+            let ids = [index as u64, number, self.now.as_nanos()];
+            let is_time = self.now < at(WANTS_END_S) && self.chance.share("want now", &ids) < 0.005;
+            if is_time && is_free && !self.hands[index].is_scripted {
+                let want = self.draw_want(index, number);
+                self.give(index, self.hands[index].next, want);
+            }
+        }
+        if self.now == at(LAST_WANT_S) {
+            let want = Want {
+                kind: OrderKind::Hold,
+                vehicles: BTreeSet::new(),
+                run: Some(RunId(1)),
+                begins: false,
+                take_over: self.chance.share("last", &[]) < 0.5,
+                within: LAST_WITHIN,
+            };
+            self.give(0, LAST, want);
+        }
+    }
+
+    fn give(&mut self, index: usize, number: u32, want: Want) {
+        let hand = &mut self.hands[index];
+        hand.next += 1;
+        hand.wants.insert(WantId::Hand(number), (self.now, want.clone()));
+        hand.actor.push(In::Want(number, want));
+    }
+
+    fn operate(&mut self) {
+        for index in 0..self.hands.len() {
+            let mut said = Vec::new();
+            self.hands[index].actor.act(self.now, |out| said.push(out)).unwrap();
+            for out in said {
+                match out {
+                    Out::Publish(message) => self.publish(index, message),
+                    Out::InForce(id, outcome) => self.judge(index, id, &outcome),
+                    Out::Ended(id, outcome) => {
+                        self.judge(index, id, &outcome);
+                        self.hands[index].wants.remove(&id);
+                    }
+                    Out::Cue(_) | Out::ScriptEnded(_) => {}
+                }
+            }
+        }
+    }
+
+    fn publish(&mut self, index: usize, message: Message) {
+        if let Message::Order(order) = &message {
+            let (now, hand) = (self.now, &mut self.hands[index]);
+            let edition = (order.lease, order.revision);
+            if let Some(id) = hand.want_of(order) {
+                let first = hand.firsts.entry((id, order.vehicle)).or_insert((now, edition));
+                first.1 = first.1.min(edition);
+            }
+            hand.newest.insert(order.vehicle, order.clone());
+            let is_new = hand.sent.insert((order.vehicle, order.lease, order.revision));
+            if self.mistake == Some(Mistake::NotRepeated) && !is_new {
+                return;
+            }
+        }
+        self.send(Node::Operator(index), &Heard::Message(Sender::Operator(OperatorId(1)), message));
+    }
+
+    /// Judges what an operator says of a want: whom it calls obedient, on that vehicle the order was in force not longer
+    /// ago than the bus takes.
+    fn judge(&mut self, index: usize, id: WantId, outcome: &Outcome) {
+        for (vehicle, of) in &outcome.vehicles {
+            let VehicleOutcome::Obeyed { after, .. } = of else {
+                self.tally.not_obeyed += 1;
+                continue;
+            };
+            self.tally.obeyed += 1;
+            let hand = &self.hands[index];
+            let kind = hand.wants.get(&id).map(|(_, want)| want.kind);
+            let Some((first_at, lowest)) = hand.firsts.get(&(id, *vehicle)) else {
+                self.wrong = Some(format!("{id:?}: {vehicle} is called obedient and was sent nothing"));
+                return;
+            };
+            let when = *first_at + *after;
+            let rover = &self.rovers[usize::from(vehicle.0) - 1];
+            let is_it = |order: &Ordered| order.kind == kind && order.edition() >= *lowest;
+            if !rover.was_in_force(when - LATEST - TICK, when, is_it) {
+                let history = &rover.history;
+                self.wrong = Some(format!(
+                    "operator {} ({}) calls {vehicle} obedient to {kind:?} at {when} ({id:?}, lowest {lowest:?}); {history:?}",
+                    index + 1,
+                    hand.holder,
+                ));
+            }
+        }
+        if id == WantId::Hand(LAST) && !outcome.is_done() {
+            self.wrong = Some(format!("the last want is not obeyed: {outcome:?}"));
+        }
+    }
+
+    /// Judges that wants by hand end in time.
+    fn judge_lateness(&mut self) {
+        for hand in &self.hands {
+            let late = hand.wants.iter().find(|(id, (since, want))| {
+                matches!(id, WantId::Hand(_)) && self.now.since(*since) > want.within + TICK * 2
+            });
+            if let Some((id, _)) = late {
+                self.wrong = Some(format!("{id:?} of {} does not end", hand.holder));
+            }
+        }
+    }
+
+    /// Judges that nobody fights the last want: once it is in force it stays.
+    fn judge_the_end(&mut self) {
+        let is_over = self.now > at(LAST_WANT_S) + LAST_WITHIN;
+        let moved = self.rovers.iter().find(|rover| rover.in_force.kind != Some(OrderKind::Hold));
+        if let Some(rover) = moved.filter(|_| is_over) {
+            self.wrong = Some(format!("vehicle {} does not hold in the end: {:?}", rover.id, rover.in_force));
+        }
+    }
+
+    /// Says once a second what stands.
+    fn report(&mut self) {
+        if !self.now.as_nanos().is_multiple_of(1_000_000_000) || self.now < self.ground_up_from {
+            return;
+        }
+        let stands = self.shown.values().filter_map(|kind| kind.filter(|kind| *kind != OrderKind::Start));
+        let report = Report {
+            boot: Boot(1),
+            lease: Lease { number: 1, holder: 9 },
+            store: 1,
+            members: (1..=VEHICLES).map(VehicleId).collect(),
+            in_force: stands.reduce(OrderKind::stronger),
+            ..Report::default()
+        };
+        self.send(Node::Ground, &Heard::Message(Sender::Ground, Message::Report(report)));
+    }
+}
+
+/// Returns a lease in the opposite order of all.
+fn turned(lease: Lease) -> Lease {
+    Lease { number: u32::MAX - lease.number, holder: lease.holder }
+}
