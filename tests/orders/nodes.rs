@@ -2,7 +2,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use tomoswarm::actor::Seat;
+use tomoswarm::actor::ActorCell;
 use tomoswarm::node::vehicle::Vehicle;
 use tomoswarm::operator::operator_actor::{In, Operator, OperatorSettings};
 use tomoswarm::operator::want::{Want, WantId};
@@ -27,7 +27,7 @@ pub struct Rover {
 
 /// An operator, and what is judged of it.
 pub struct Hand {
-    pub actor: Seat<Operator>,
+    pub actor: ActorCell<Operator>,
     pub holder: u64,
     pub wants: BTreeMap<WantId, (Time, Want)>,
     pub next: u32,
@@ -57,7 +57,7 @@ impl Hand {
         let holder = 50 + u64::from(number);
         let all: BTreeSet<VehicleId> = (1..=VEHICLES).map(VehicleId).collect();
         let settings = OperatorSettings { hello, greets: true, holder, expected: all.clone(), possible: all };
-        let mut actor = Seat::new(Operator::new(settings));
+        let mut actor = ActorCell::new(Operator::new(settings));
         actor.push(In::Linked(true));
         Hand {
             actor,

@@ -9,7 +9,7 @@ use super::super::script::Condition;
 use super::super::status::Expected;
 use super::super::tests_support::{Rover, at, heard, report};
 use super::*;
-use crate::actor::Seat;
+use crate::actor::ActorCell;
 
 const OWN: u64 = 7;
 const TICK: Duration = Duration::from_millis(20);
@@ -49,7 +49,7 @@ fn only(kind: Kind, vehicle: u8) -> Want {
 /// A small world: what is said arrives within a tick of 20 ms; states come every 200 ms, a report every second.
 struct World {
     now: Time,
-    operator: Seat<Operator>,
+    operator: ActorCell<Operator>,
     rovers: Vec<Rover>,
     report: Option<Report>,
     orders: Vec<(Time, Order)>,
@@ -59,7 +59,7 @@ struct World {
 
 impl World {
     fn new(rovers: Vec<Rover>) -> World {
-        let mut operator = Seat::new(Operator::new(settings(true)));
+        let mut operator = ActorCell::new(Operator::new(settings(true)));
         operator.push(In::Linked(true));
         let now = Time::ZERO;
         World { now, operator, rovers, report: None, orders: vec![], greetings: 0, said: vec![] }
@@ -285,7 +285,7 @@ fn it_greets_while_anyone_can_be_reached_and_who_only_looks_says_nothing() {
     world.tell(In::Linked(false));
     world.run(5.0);
     assert_eq!(world.greetings, 3);
-    let mut viewer = Seat::new(Operator::new(settings(false)));
+    let mut viewer = ActorCell::new(Operator::new(settings(false)));
     viewer.push(In::Linked(true));
     viewer.push(In::Bus(Rover::new(1).say()));
     let mut said = Vec::new();
