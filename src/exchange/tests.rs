@@ -330,7 +330,7 @@ fn a_message_of_an_unknown_kind_is_counted_and_nothing_else_comes_of_it() {
     let node = &swarm.nodes[two];
     let Counts { refused, unknown, .. } = node.exchange.counts();
     assert_eq!((refused, unknown, node.heard.len()), (0, 2, heard));
-    assert_eq!(node.verdicts[verdicts..], [Verdict::Fine, Verdict::Fine], "it is no objection");
+    assert_eq!(node.verdicts.len(), verdicts, "it is no objection");
     swarm.say(three, &progress(3, 2));
     swarm.run(seconds(0.1));
     assert!(swarm.nodes[two].has_heard(&progress(3, 2)), "its sender is listened to as before");

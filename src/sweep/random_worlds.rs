@@ -60,8 +60,9 @@ impl Dice {
         self.below(10_001) as f64 * 1e-4 * FIELD_M
     }
 
+    /// Returns a point of whole millimetres, as points of plans are.
     fn point(&mut self) -> Point {
-        Point::new(self.metres(), self.metres())
+        Position::from(Point::new(self.metres(), self.metres())).into()
     }
 }
 

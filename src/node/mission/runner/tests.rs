@@ -56,7 +56,7 @@ impl Rig {
         for _ in 0..tenths {
             for said in self.go_on(&[]) {
                 match said {
-                    Out::Command(_, Command::Turn(heading)) => self.own.pose.heading_rad = heading.radians(),
+                    Out::Command(_, Command::Turn(heading)) => self.own.pose.heading = heading,
                     Out::Remark(remark) => remarks.push(remark),
                     Out::Command(..)
                     | Out::Holds(_)
