@@ -8,14 +8,14 @@ use std::time::{Duration, Instant};
 
 use tomoswarm::geom::{Angle, Point};
 use tomoswarm::sim::body::{Body, Limits};
-use tomoswarm::sim::bus::{Bus, BusModel, NodeId, deliver};
+use tomoswarm::sim::bus::{Bus, BusModel, NodeId};
 use tomoswarm::sim::contact::{closest_approach, first_contact_of};
 use tomoswarm::sim::noise::{Noise, Purpose};
 use tomoswarm::sim::queue::EventQueue;
 use tomoswarm::sim::radio_field::{RadioConstants, RadioField, Transmission};
 use tomoswarm::sim::range::{Disc, RangeModel, RangeSensor, Surroundings};
 use tomoswarm::time::Time;
-use tomoswarm_proto::{Message, Progress, VehicleId};
+use tomoswarm_proto::{Message, Mission, VehicleId};
 
 /// Best of seven rounds.
 fn measure(name: &str, calls: u64, mut work: impl FnMut(u64)) {
@@ -98,12 +98,12 @@ fn range() {
 }
 
 fn bus_and_queue() {
-    let message = Message::Progress(Progress::default());
+    let message = Message::Mission(Mission::default());
     let nodes = [1, 2, 3].map(|id| NodeId::Vehicle(VehicleId(id)));
     let mut bus = Bus::new(Noise::new(1), BusModel::default());
-    measure("bus: send a Progress to 2, read both", 100_000, |_| {
-        let sent = bus.send(Time::ZERO, nodes[0], &message, &nodes).expect("a Progress is short");
-        sent.iter().for_each(|delivery| drop(black_box(deliver(&delivery.frame))));
+    measure("bus: send a Mission to 2, read both", 100_000, |_| {
+        let sent = bus.send(Time::ZERO, nodes[0], &message, &nodes).expect("a Mission is short");
+        sent.iter().for_each(|delivery| drop(black_box(bus.deliver(delivery.to, &delivery.frame))));
     });
     let mut queue = EventQueue::new(None);
     (0..1000u64).for_each(|id| queue.push(Time::from_nanos(id), id));

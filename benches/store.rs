@@ -59,12 +59,12 @@ mod bench {
         let first = next[vehicle];
         next[vehicle] += BATCH as u64;
         let samples = (first..next[vehicle]).map(sample).collect();
-        Samples { vehicle: VehicleId(vehicle as u8), boot: Boot(1), run: RunId(1), samples }
+        Samples { vehicle: VehicleId(vehicle as u8), boot: Boot(1), run: RunId(1), samples, lost: vec![] }
     }
 
     fn sample(sequence: u64) -> Sample {
         let mut receiver_pose = tomoswarm_proto::PoseReport::default();
-        receiver_pose.at.x_m = sequence as f64 * 0.013;
+        receiver_pose.at.x_mm = (sequence % 1_000_000) as i32 * 13;
         Sample {
             sequence,
             heard_at_ns: sequence * 50_000_000,

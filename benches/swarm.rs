@@ -33,8 +33,8 @@ use tomoswarm::run::bus::{Bus, BusSettings, Heard, Mouth, Topology};
 use tomoswarm::run::clock::Clock;
 use tomoswarm::run::mailbox::{Mailbox, RuntimeContext, Troubles, start_actor};
 use tomoswarm_proto::{
-    Boot, LayerId, Lease, Message, Order, OrderKind, Revision, RunId, Sender, TileAddress, TileReport,
-    VehicleId,
+    Boot, LayerId, Lease, Message, OperatorId, Order, OrderKind, Revision, RunId, Sender, TileAddress,
+    TileReport, VehicleId,
 };
 
 const PROGRAM: &str = env!("CARGO_BIN_EXE_tomoswarm");
@@ -176,7 +176,7 @@ fn flood(mouth: Mouth, id: u8, is_over: Arc<AtomicBool>) -> std::thread::JoinHan
 fn ordered(mouth: &Mouth, vehicle: u8, number: u32, ear: &Receiver<(Revision, Instant)>) -> Option<Duration> {
     let lease = Lease { number: 1, holder: 1 };
     let (vehicle, run, revision) = (VehicleId(vehicle), RunId(1), Revision(number));
-    let order = Order { vehicle, lease, run, revision, seen_state: 1, kind: OrderKind::Emergency };
+    let order = Order { vehicle, lease, run, revision, seen: None, kind: OrderKind::Emergency, ends: vec![] };
     let began = Instant::now();
     mouth.publish(&Message::Order(order));
     while let Ok((heard, at)) = ear.recv_timeout(Duration::from_secs(2)) {
@@ -201,7 +201,7 @@ fn mapper(id: u8, listen: SocketAddr, connect: Vec<SocketAddr>) -> Mapper {
         Heard::Message(_, Message::Tile(report)) => to_map.tell(map::In::Tile(report)),
         Heard::Message(_, Message::Digest(digest)) => to_map.tell(map::In::Digest(digest)),
         Heard::Message(_, Message::Want(want)) => to_map.tell(map::In::Want(want)),
-        Heard::Message(..) | Heard::Greeting(..) => {}
+        Heard::Message(..) | Heard::Greeting(..) | Heard::Unknown(_) => {}
     };
     let node = Sender::Vehicle(VehicleId(id));
     let join =
@@ -394,7 +394,7 @@ fn listen(files: &Files, topology: Topology) -> (Bus, LastHeard) {
     };
     let listen = if topology == Topology::Mesh { vec![free_address()] } else { vec![] };
     let settings = BusSettings {
-        node: Sender::Operator,
+        node: Sender::Operator(OperatorId(1)),
         prefix: "tomoswarm/bench".to_owned(),
         topology,
         listen: listen.into_iter().map(|at| format!("tcp/{at}")).collect(),

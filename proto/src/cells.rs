@@ -10,7 +10,7 @@ use std::sync::Arc;
 use serde::de::{Deserializer, Error, SeqAccess, Visitor};
 use serde::ser::{SerializeSeq as _, Serializer};
 
-use crate::message::TILE_CELLS;
+use crate::TILE_CELLS;
 
 /// A tile takes at most this many bytes: all cells as they are, in pieces of 128.
 pub(crate) const BYTES_MAX: usize = TILE_CELLS + TILE_CELLS / LITERALS;

@@ -1,30 +1,45 @@
 //! Messages to bytes and back; the only file that names bincode.
 //!
-//! A frame is magic (2 bytes), wire version (1 byte), kind (1 byte), then the body in bincode's
+//! A frame is magic (2 bytes), wire version (1 byte), kind (1 byte), then the message of that kind in bincode's
 //! standard configuration. A Hello (kind 0) has fourteen bytes before its body that are the same in all versions, so
-//! that nodes of different versions can name each other; [`greeting`] reads them. Input from outside never panics: a frame is refused when it is too
-//! long, truncated, followed by trailing bytes, of another version, or holds impossible values.
+//! that nodes of different versions can name each other; [`greeting`] reads them. Input from outside never panics: a
+//! frame is refused when it is too long, truncated, followed by trailing bytes, of another version, or holds impossible
+//! values. A frame of this version whose kind is not known is no mistake of its sender, who may be newer: it is
+//! [`Decoded::Unknown`], to be counted and dropped.
 
 use bincode::config::{Configuration, Limit, LittleEndian, Varint};
+use serde::Serialize;
+use serde::de::DeserializeOwned;
 
-use crate::{Boot, Hello, Message, Sender, VehicleId};
+use crate::{Boot, Hello, Kind, Message, OperatorId, Sender, VehicleId};
 
 /// First bytes of every frame.
 pub const MAGIC: [u8; 2] = *b"tS";
 /// Version of the wire; frames of another version are refused.
-pub const VERSION: u8 = 1;
+pub const VERSION: u8 = 2;
 /// Longest frame, bytes.
 pub const LIMIT: usize = 256 * 1024;
+/// What a body may claim to hold while it is read, bytes. A small number is counted as wide as its type, which is up to
+/// eight times the byte that it takes, so every frame that can be written can be read; a false length reserves no more.
+const READ_LIMIT: usize = 8 * LIMIT;
 /// Longest value that [`unpack`] reads, bytes: what a spoilt file claims must not take all memory.
 const UNPACK_LIMIT: usize = 256 * 1024 * 1024;
 const HEADER: usize = 4;
-/// Kind of a Hello.
-const HELLO: u8 = 0;
 /// Bytes of a greeting behind the header: node (2), boot (4), venue (8).
 const GREETING: usize = 14;
-/// Numbers of nodes that are no vehicle in a greeting.
+/// Numbers of nodes that are no vehicle in a greeting: the ground, then 256 operators.
 const GROUND: u16 = 256;
-const OPERATOR: u16 = 257;
+const FIRST_OPERATOR: u16 = 257;
+
+/// What a frame holds.
+#[derive(Clone, PartialEq, Eq, Debug)]
+#[allow(clippy::large_enum_variant, reason = "nearly every frame is a message, and is taken out at once")]
+pub enum Decoded {
+    /// A message that has passed [`Message::check`].
+    Message(Message),
+    /// A message of a kind, by its number, that this version does not know; its body was not looked at.
+    Unknown(u8),
+}
 
 /// What a Hello says in every version of the wire.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
@@ -57,14 +72,6 @@ pub enum DecodeError {
         /// Version found.
         found: u8,
     },
-    /// The kind in the header is not that of the body.
-    #[error("header says kind {header}, body is of kind {body}")]
-    Kind {
-        /// Kind in the header.
-        header: u8,
-        /// Kind of the body.
-        body: u8,
-    },
     /// The body cannot be read.
     #[error("body cannot be read: {reason}")]
     Body {
@@ -96,47 +103,28 @@ fn config() -> Configuration<LittleEndian, Varint, Limit<LIMIT>> {
     bincode::config::standard().with_limit::<LIMIT>()
 }
 
-fn kind(message: &Message) -> u8 {
-    match message {
-        Message::Hello(_) => HELLO,
-        Message::State(_) => 1,
-        Message::Tile(_) => 2,
-        Message::Digest(_) => 3,
-        Message::Want(_) => 4,
-        Message::Plan(_) => 5,
-        Message::Progress(_) => 6,
-        Message::Order(_) => 7,
-        Message::Samples(_) => 8,
-        Message::Have(_) => 9,
-        Message::Beacon(_) => 10,
-        Message::Health(_) => 11,
-        Message::Report(_) => 12,
-    }
-}
-
 /// Encodes a message into a frame.
 ///
 /// # Errors
 /// The message does not fit into [`LIMIT`] bytes.
 pub fn encode(message: &Message) -> Result<Vec<u8>, EncodeError> {
     let mut frame = Vec::with_capacity(128);
-    frame.extend_from_slice(&[MAGIC[0], MAGIC[1], VERSION, kind(message)]);
+    frame.extend_from_slice(&[MAGIC[0], MAGIC[1], VERSION, message.kind().number()]);
     if let Message::Hello(hello) = message {
         greet(hello, &mut frame);
     }
-    bincode::serde::encode_into_std_write(message, &mut frame, config())
-        .map_err(|error| EncodeError { reason: error.to_string() })?;
+    write_body(message, &mut frame)?;
     if frame.len() > LIMIT {
         return Err(EncodeError { reason: format!("{} bytes", frame.len()) });
     }
     Ok(frame)
 }
 
-/// Decodes a frame into a message that has passed [`Message::check`].
+/// Decodes a frame.
 ///
 /// # Errors
 /// The frame is not one, or of another version, or holds impossible values.
-pub fn decode(frame: &[u8]) -> Result<Message, DecodeError> {
+pub fn decode(frame: &[u8]) -> Result<Decoded, DecodeError> {
     if frame.len() > LIMIT {
         return Err(DecodeError::TooLong { length: frame.len() });
     }
@@ -144,28 +132,74 @@ pub fn decode(frame: &[u8]) -> Result<Message, DecodeError> {
     if header[2] != VERSION {
         return Err(DecodeError::Version { found: header[2] });
     }
-    let body = if header[3] == HELLO { body.get(GREETING..).unwrap_or_default() } else { body };
-    let (message, used): (Message, usize) = bincode::serde::decode_from_slice(body, config())
-        .map_err(|error| DecodeError::Body { reason: error.to_string() })?;
-    if kind(&message) != header[3] {
-        return Err(DecodeError::Kind { header: header[3], body: kind(&message) });
-    }
-    if used != body.len() {
-        return Err(DecodeError::Trailing { count: body.len() - used });
-    }
+    let Some(kind) = Kind::from_number(header[3]) else {
+        return Ok(Decoded::Unknown(header[3]));
+    };
+    let message = read_body(kind, body)?;
     message.check().map_err(|reason| DecodeError::Impossible { reason })?;
     if let Message::Hello(hello) = &message
-        && greeting(frame)?
-            != (Greeting {
-                version: VERSION,
-                node: hello.node,
-                boot: hello.boot,
-                venue_hash: hello.venue_hash,
-            })
+        && greeting(frame)? != greeting_of(hello)
     {
         return Err(DecodeError::Impossible { reason: "a greeting and its body name the same node" });
     }
-    Ok(message)
+    Ok(Decoded::Message(message))
+}
+
+fn write_body(message: &Message, frame: &mut Vec<u8>) -> Result<(), EncodeError> {
+    match message {
+        Message::Hello(hello) => write(hello, frame),
+        Message::State(state) => write(state, frame),
+        Message::Tile(tile) => write(tile, frame),
+        Message::Digest(digest) => write(digest, frame),
+        Message::Want(want) => write(want, frame),
+        Message::Plan(plan) => write(plan, frame),
+        Message::Mission(mission) => write(mission, frame),
+        Message::Order(order) => write(order, frame),
+        Message::Samples(batch) => write(batch, frame),
+        Message::Have(have) => write(have, frame),
+        Message::Beacon(beacon) => write(beacon, frame),
+        Message::Health(health) => write(health, frame),
+        Message::Report(report) => write(report, frame),
+        Message::Standing(standing) => write(standing, frame),
+        Message::Task(task) => write(task, frame),
+        Message::Image(image) => write(image, frame),
+    }
+}
+
+fn read_body(kind: Kind, body: &[u8]) -> Result<Message, DecodeError> {
+    match kind {
+        Kind::Hello => read(body.get(GREETING..).unwrap_or_default()).map(Message::Hello),
+        Kind::State => read(body).map(Message::State),
+        Kind::Tile => read(body).map(Message::Tile),
+        Kind::Digest => read(body).map(Message::Digest),
+        Kind::Want => read(body).map(Message::Want),
+        Kind::Plan => read(body).map(Message::Plan),
+        Kind::Mission => read(body).map(Message::Mission),
+        Kind::Order => read(body).map(Message::Order),
+        Kind::Samples => read(body).map(Message::Samples),
+        Kind::Have => read(body).map(Message::Have),
+        Kind::Beacon => read(body).map(Message::Beacon),
+        Kind::Health => read(body).map(Message::Health),
+        Kind::Report => read(body).map(Message::Report),
+        Kind::Standing => read(body).map(Message::Standing),
+        Kind::Task => read(body).map(Message::Task),
+        Kind::Image => read(body).map(Message::Image),
+    }
+}
+
+/// Writes a value behind what is there already.
+fn write<T: Serialize>(value: &T, frame: &mut Vec<u8>) -> Result<(), EncodeError> {
+    bincode::serde::encode_into_std_write(value, frame, config())
+        .map(|_| ())
+        .map_err(|error| EncodeError { reason: error.to_string() })
+}
+
+/// Reads a value that takes all the bytes.
+fn read<T: DeserializeOwned>(bytes: &[u8]) -> Result<T, DecodeError> {
+    let config = bincode::config::standard().with_limit::<READ_LIMIT>();
+    let (value, used) = bincode::serde::decode_from_slice(bytes, config)
+        .map_err(|error| DecodeError::Body { reason: error.to_string() })?;
+    if used == bytes.len() { Ok(value) } else { Err(DecodeError::Trailing { count: bytes.len() - used }) }
 }
 
 /// Reads what a Hello says in every version of the wire.
@@ -174,15 +208,15 @@ pub fn decode(frame: &[u8]) -> Result<Message, DecodeError> {
 /// The frame is no Hello of any version.
 pub fn greeting(frame: &[u8]) -> Result<Greeting, DecodeError> {
     let (header, rest) = split(frame)?;
-    let Some(bytes) = rest.first_chunk::<GREETING>().filter(|_| header[3] == HELLO) else {
+    let Some(bytes) = rest.first_chunk::<GREETING>().filter(|_| header[3] == Kind::Hello.number()) else {
         return Err(DecodeError::NotOurs);
     };
     let [n0, n1, b0, b1, b2, b3, venue @ ..] = *bytes;
     let node = match u16::from_le_bytes([n0, n1]) {
         GROUND => Sender::Ground,
-        OPERATOR => Sender::Operator,
-        number => match u8::try_from(number) {
-            Ok(id) => Sender::Vehicle(VehicleId(id)),
+        id if id < GROUND => Sender::Vehicle(VehicleId(n0)),
+        id => match u8::try_from(id - FIRST_OPERATOR) {
+            Ok(id) => Sender::Operator(OperatorId(id)),
             Err(_) => {
                 return Err(DecodeError::Impossible {
                     reason: "a node is a vehicle, the ground or an operator",
@@ -194,11 +228,16 @@ pub fn greeting(frame: &[u8]) -> Result<Greeting, DecodeError> {
     Ok(Greeting { version: header[2], node, boot, venue_hash: u64::from_le_bytes(venue) })
 }
 
+/// Returns what a Hello of this version has to begin with.
+fn greeting_of(hello: &Hello) -> Greeting {
+    Greeting { version: VERSION, node: hello.node, boot: hello.boot, venue_hash: hello.venue_hash }
+}
+
 fn greet(hello: &Hello, frame: &mut Vec<u8>) {
     let node = match hello.node {
         Sender::Vehicle(id) => u16::from(id.0),
         Sender::Ground => GROUND,
-        Sender::Operator => OPERATOR,
+        Sender::Operator(id) => FIRST_OPERATOR + u16::from(id.0),
     };
     frame.extend_from_slice(&node.to_le_bytes());
     frame.extend_from_slice(&hello.boot.0.to_le_bytes());
@@ -214,7 +253,7 @@ fn split(frame: &[u8]) -> Result<(&[u8], &[u8]), DecodeError> {
 ///
 /// # Errors
 /// The value cannot be written.
-pub fn pack<T: serde::Serialize>(value: &T) -> Result<Vec<u8>, EncodeError> {
+pub fn pack<T: Serialize>(value: &T) -> Result<Vec<u8>, EncodeError> {
     bincode::serde::encode_to_vec(value, bincode::config::standard())
         .map_err(|error| EncodeError { reason: error.to_string() })
 }
@@ -223,7 +262,7 @@ pub fn pack<T: serde::Serialize>(value: &T) -> Result<Vec<u8>, EncodeError> {
 ///
 /// # Errors
 /// The bytes are not such a value, or it is longer than 256 MiB, or bytes are left over.
-pub fn unpack<T: serde::de::DeserializeOwned>(bytes: &[u8]) -> Result<T, DecodeError> {
+pub fn unpack<T: DeserializeOwned>(bytes: &[u8]) -> Result<T, DecodeError> {
     let config = bincode::config::standard().with_limit::<UNPACK_LIMIT>();
     let (value, used) = bincode::serde::decode_from_slice(bytes, config)
         .map_err(|error| DecodeError::Body { reason: error.to_string() })?;

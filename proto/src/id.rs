@@ -15,6 +15,16 @@ impl fmt::Display for VehicleId {
     }
 }
 
+/// An operator of the swarm; unique within a venue.
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Debug, Default, Serialize, Deserialize)]
+pub struct OperatorId(pub u8);
+
+impl fmt::Display for OperatorId {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        self.0.fmt(f)
+    }
+}
+
 /// Counts the starts of a vehicle's software, so that a restart never continues an old numbering.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Debug, Default, Serialize, Deserialize)]
 pub struct Boot(pub u32);
@@ -55,6 +65,22 @@ impl fmt::Display for StopId {
     }
 }
 
+/// The name of one emergency stop. An operator draws it at random, so that nothing can be forged above it and two
+/// operators do not collide; names are compared for equality and sorted, never ranked.
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Debug, Default, Serialize, Deserialize)]
+pub struct EmergencyName(pub u32);
+
+impl EmergencyName {
+    /// Stands for more stops than a node can name one by one; never drawn.
+    pub const MANY: EmergencyName = EmergencyName(0);
+}
+
+impl fmt::Display for EmergencyName {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        if *self == EmergencyName::MANY { f.write_str("many") } else { write!(f, "{:08x}", self.0) }
+    }
+}
+
 /// An operator's right to give orders: the greatest one wins, which is that of the highest number, and on
 /// a tie that of the lower holder.
 #[derive(Clone, Copy, PartialEq, Eq, Hash, Debug, Default, Serialize, Deserialize)]
@@ -89,6 +115,12 @@ pub struct LayerId {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn the_name_of_many_stops_is_told_apart() {
+        assert_eq!(EmergencyName::MANY.to_string(), "many");
+        assert_eq!(EmergencyName(0x2a).to_string(), "0000002a");
+    }
 
     #[test]
     fn a_tie_between_leases_goes_to_the_lower_holder() {

@@ -1,10 +1,13 @@
 //! Under which key a message is published: `tomoswarm/<venue>/<sender>/<kind>[/…]`.
+//!
+//! Inside a program a key is a value that is compared and copied. It becomes text by `Display`, where a transport wants
+//! text, and nowhere else. Key expressions with wildcards, and who hears what, are not known here.
 
 use std::fmt;
 
 use serde::{Deserialize, Serialize};
 
-use crate::{Message, VehicleId};
+use crate::{Kind, LayerId, Message, OperatorId, RunId, TileAddress, VehicleId};
 
 /// Who publishes.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Debug, Serialize, Deserialize)]
@@ -13,18 +16,14 @@ pub enum Sender {
     Ground,
     /// A vehicle.
     Vehicle(VehicleId),
-    /// An operator's tool, beside the ground station.
-    Operator,
+    /// An operator, beside the ground station.
+    Operator(OperatorId),
 }
 
 impl Sender {
-    /// Gives the part of the key that belongs to this sender alone: `ground`, `vehicle/3` or `operator`.
+    /// Returns the part of the key that belongs to this sender alone: `ground`, `vehicle/3` or `operator/1`.
     pub fn prefix(self) -> String {
-        match self {
-            Sender::Ground => "ground".to_owned(),
-            Sender::Vehicle(vehicle) => format!("vehicle/{vehicle}"),
-            Sender::Operator => "operator".to_owned(),
-        }
+        Prefix(self).to_string()
     }
 }
 
@@ -33,89 +32,194 @@ impl fmt::Display for Sender {
         match self {
             Sender::Ground => f.write_str("the ground station"),
             Sender::Vehicle(vehicle) => write!(f, "vehicle {vehicle}"),
-            Sender::Operator => f.write_str("an operator"),
+            Sender::Operator(operator) => write!(f, "operator {operator}"),
         }
     }
 }
 
-/// A key expression, without the venue's prefix.
-///
-/// A vehicle writes only under its own number, which is what access control can be hung on. Tiles
-/// and plans end in what they are about, so that a later one replaces an earlier one of its kind.
-#[derive(Clone, PartialEq, Eq, PartialOrd, Ord, Debug)]
-pub struct Key(String);
+/// A sender as the beginning of a key.
+struct Prefix(Sender);
 
-impl Key {
-    /// Gives the key of a message.
-    pub fn of(sender: Sender, message: &Message) -> Key {
-        let who = sender.prefix();
-        let what = message.word();
+impl fmt::Display for Prefix {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self.0 {
+            Sender::Ground => f.write_str("ground"),
+            Sender::Vehicle(vehicle) => write!(f, "vehicle/{vehicle}"),
+            Sender::Operator(operator) => write!(f, "operator/{operator}"),
+        }
+    }
+}
+
+/// What a message is about, as far as messages of one kind and sender do not replace each other.
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Debug)]
+pub enum About {
+    /// The sender itself, or everything that it knows: the newest message replaces all before.
+    Whole,
+    /// A vehicle.
+    Vehicle(VehicleId),
+    /// A run.
+    Run(RunId),
+    /// A layer of the map.
+    Layer(LayerId),
+    /// A tile of a layer.
+    Tile(LayerId, TileAddress),
+    /// A part of a run's image.
+    Part(RunId, u16),
+}
+
+/// The kind of a message and what it is about: a later message of one sender and topic replaces an earlier one.
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Debug)]
+pub struct Topic {
+    /// The kind of message.
+    pub kind: Kind,
+    /// What it is about.
+    pub about: About,
+}
+
+impl Topic {
+    /// Returns the topic of a message.
+    pub fn of(message: &Message) -> Topic {
         let about = match message {
-            Message::Tile(tile) => {
-                let (layer, at) = (tile.layer, tile.address);
-                format!("/{}/{}/{}/{}/{}", layer.vehicle, layer.boot, at.slice, at.x, at.y)
-            }
-            Message::Want(want) => format!("/{}/{}", want.layer.vehicle, want.layer.boot),
-            Message::Plan(plan) => format!("/{}", plan.vehicle),
-            Message::Order(order) => format!("/{}", order.vehicle),
+            Message::Tile(tile) => About::Tile(tile.layer, tile.address),
+            Message::Want(want) => About::Layer(want.layer),
+            Message::Plan(plan) => About::Vehicle(plan.vehicle),
+            Message::Order(order) => About::Vehicle(order.vehicle),
+            Message::Task(task) => About::Run(task.run),
+            Message::Image(image) => About::Part(image.run, image.part),
             Message::Hello(_)
             | Message::State(_)
             | Message::Digest(_)
-            | Message::Progress(_)
+            | Message::Mission(_)
             | Message::Samples(_)
             | Message::Have(_)
             | Message::Beacon(_)
             | Message::Health(_)
-            | Message::Report(_) => String::new(),
+            | Message::Report(_)
+            | Message::Standing(_) => About::Whole,
         };
-        Key(format!("{who}/{what}{about}"))
+        Topic { kind: message.kind(), about }
     }
+}
 
-    /// Gives who wrote under a key (without the venue's prefix); `None` when no sender has such a key.
-    pub fn sender(key: &str) -> Option<Sender> {
-        let mut parts = key.split('/');
-        match (parts.next()?, parts.next()?) {
-            ("ground", _) => Some(Sender::Ground),
-            ("operator", _) => Some(Sender::Operator),
-            ("vehicle", number) => {
-                parts.next()?;
-                let id = number.parse().ok().filter(|id: &u8| id.to_string() == number)?;
-                Some(Sender::Vehicle(VehicleId(id)))
+impl fmt::Display for Topic {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let kind = self.kind;
+        match self.about {
+            About::Whole => write!(f, "{kind}"),
+            About::Vehicle(vehicle) => write!(f, "{kind}/{vehicle}"),
+            About::Run(run) => write!(f, "{kind}/{run}"),
+            About::Layer(layer) => write!(f, "{kind}/{}/{}", layer.vehicle, layer.boot),
+            About::Tile(layer, at) => {
+                write!(f, "{kind}/{}/{}/{}/{}/{}", layer.vehicle, layer.boot, at.slice, at.x, at.y)
             }
-            _ => None,
+            About::Part(run, part) => write!(f, "{kind}/{run}/{part}"),
         }
     }
+}
 
-    /// Gives the key as text.
-    pub fn as_str(&self) -> &str {
-        &self.0
+/// A key, without the venue's prefix. A node writes only under its own prefix, which is what access control can be
+/// hung on.
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Debug)]
+pub struct Key {
+    /// Who publishes.
+    pub sender: Sender,
+    /// What it is.
+    pub topic: Topic,
+}
+
+impl Key {
+    /// Returns the key of a message.
+    pub fn of(sender: Sender, message: &Message) -> Key {
+        Key { sender, topic: Topic::of(message) }
     }
+
+    /// Returns who wrote under a key (as text, without the venue's prefix); `None` when no sender has such a key. Keys
+    /// of kinds that this version does not know have a sender like all others.
+    pub fn sender(key: &str) -> Option<Sender> {
+        let mut parts = key.split('/');
+        let sender = match parts.next()? {
+            "ground" => Sender::Ground,
+            "vehicle" => Sender::Vehicle(VehicleId(number(parts.next()?)?)),
+            "operator" => Sender::Operator(OperatorId(number(parts.next()?)?)),
+            _ => return None,
+        };
+        parts.next().map(|_| sender)
+    }
+}
+
+impl fmt::Display for Key {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}/{}", Prefix(self.sender), self.topic)
+    }
+}
+
+/// Returns a number written the only way it is: without sign or leading zeros.
+fn number(text: &str) -> Option<u8> {
+    text.parse().ok().filter(|number: &u8| number.to_string() == text)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{Digest, Progress};
+    use crate::{Boot, Digest, Mission};
 
     #[test]
     fn a_vehicle_writes_only_under_its_own_number() {
-        let key = Key::of(Sender::Vehicle(VehicleId(3)), &Message::Progress(Progress::default()));
-        assert_eq!(key.as_str(), "vehicle/3/progress");
-        assert_eq!(Key::of(Sender::Ground, &Message::Digest(Digest::default())).as_str(), "ground/digest");
+        let key = Key::of(Sender::Vehicle(VehicleId(3)), &Message::Mission(Mission::default()));
+        assert_eq!(key.to_string(), "vehicle/3/mission");
+        let digest = Message::Digest(Digest::default());
+        assert_eq!(Key::of(Sender::Ground, &digest).to_string(), "ground/digest");
+        assert_eq!(Key::of(Sender::Operator(OperatorId(7)), &digest).to_string(), "operator/7/digest");
     }
 
     #[test]
     fn a_key_tells_who_wrote_under_it() {
-        for sender in
-            [Sender::Ground, Sender::Operator, Sender::Vehicle(VehicleId(0)), Sender::Vehicle(VehicleId(255))]
-        {
+        for sender in [
+            Sender::Ground,
+            Sender::Operator(OperatorId(0)),
+            Sender::Operator(OperatorId(255)),
+            Sender::Vehicle(VehicleId(0)),
+            Sender::Vehicle(VehicleId(255)),
+        ] {
             let key = Key::of(sender, &Message::Digest(Digest::default()));
-            assert_eq!(Key::sender(key.as_str()), Some(sender));
+            assert_eq!(Key::sender(&key.to_string()), Some(sender));
         }
-        for foreign in
-            ["", "ground", "vehicle/3", "vehicle/300/state", "vehicle/03/state", "vehicle/+3/state", "x/y"]
-        {
+        for foreign in [
+            "",
+            "ground",
+            "vehicle/3",
+            "vehicle/300/state",
+            "vehicle/03/state",
+            "vehicle/+3/state",
+            "operator/1",
+            "operator/01/order/2",
+            "x/y",
+        ] {
             assert_eq!(Key::sender(foreign), None, "{foreign}");
         }
+    }
+
+    #[test]
+    fn an_operator_without_a_number_is_no_sender() {
+        assert_eq!(Key::sender("operator/hello"), None);
+        assert_eq!(Key::sender("operator/order/2"), None);
+    }
+
+    #[test]
+    fn a_key_of_an_unknown_kind_has_a_sender() {
+        assert_eq!(Key::sender("vehicle/3/fix/7"), Some(Sender::Vehicle(VehicleId(3))));
+    }
+
+    #[test]
+    fn topics_are_written_as_documented() {
+        let layer = LayerId { vehicle: VehicleId(2), boot: Boot(70_000) };
+        let at = TileAddress { slice: -1, x: -300, y: 4 };
+        let check = |kind, about, expected: &str| assert_eq!(Topic { kind, about }.to_string(), expected);
+        check(Kind::Tile, About::Tile(layer, at), "tile/2/70000/-1/-300/4");
+        check(Kind::Want, About::Layer(layer), "want/2/70000");
+        check(Kind::Order, About::Vehicle(VehicleId(3)), "order/3");
+        check(Kind::Task, About::Run(RunId(9)), "task/9");
+        check(Kind::Image, About::Part(RunId(9), 12), "image/9/12");
+        check(Kind::Standing, About::Whole, "standing");
     }
 }

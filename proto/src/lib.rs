@@ -1,9 +1,10 @@
-//! What travels between the nodes of a tomoswarm: ids, key expressions, messages, and their bytes.
+//! What travels between the nodes of a tomoswarm: ids, keys, messages, and their bytes.
 //!
 //! This crate knows no transport and nothing of the program around it, so that another program can
-//! speak to the swarm by depending on this small crate alone. Messages are plain data: units are in
-//! the field names, places are in the venue's local frame (metres), times are nanoseconds of the
-//! sender's own clock and decide nothing on another machine.
+//! speak to the swarm by depending on this small crate alone. Messages are plain data: whole numbers with the unit in
+//! the field's name or in its type, places in the venue's local frame, times in nanoseconds of the
+//! sender's own clock, which decide nothing on another machine. Floating-point numbers are not on the wire; `units`
+//! says how they become whole ones.
 
 #![warn(missing_docs)]
 
@@ -12,12 +13,21 @@ mod check;
 pub mod codec;
 mod id;
 mod key;
+mod kind;
 mod message;
+mod units;
 
-pub use id::{Boot, LayerId, Lease, Revision, RunId, StopId, VehicleId};
-pub use key::{Key, Sender};
+pub use id::{Boot, EmergencyName, LayerId, Lease, OperatorId, Revision, RunId, StopId, VehicleId};
+pub use key::{About, Key, Sender, Topic};
+pub use kind::Kind;
 pub use message::{
-    Beacon, Digest, Have, Health, HeardFrom, Hello, LayerDigest, LegReport, Message, Mode, Order, OrderKind,
-    Ordered, Plan, PoseReport, Position, Progress, Report, Sample, Samples, State, StationPhase, Stop,
-    TILE_CELLS, TILE_SIDE, TileAddress, TileReport, Want,
+    AutopilotFamily, AutopilotHealth, BEACON_BYTES_MAX, BEACON_MEMBERS_MAX, Beacon, BeaconTag, BodyKind,
+    Capability, Control, Covariance, Digest, EmergencyStop, Estimator, FailsafeAction, Failsafes, Find, Fix,
+    Have, Health, HeardFrom, Hello, IMAGE_PART_PIXELS, IMAGE_SIDE_MAX, Image, ImageSubject, Interest,
+    LayerDigest, LegReport, LostSamples, Message, Mission, MissionEnd, MissionKind, MissionPhase,
+    MissionRefusal, Mode, Order, OrderKind, Ordered, Plan, Power, Progress, RadioHealth, RadioKind,
+    RangeHealth, RangeSensorKind, RecordingHealth, Rectangle, Report, RunEnd, RunReport, Sample, Samples,
+    SeenState, ServoKind, StandReason, Standing, State, StationPhase, Stop, StopScope, SweepPlanner,
+    TILE_CELLS, TILE_SIDE, Task, TaskKind, TileAddress, TileReport, Want,
 };
+pub use units::{Deviation, Heading, Permille, PoseReport, Position, Tilt, Velocity};

@@ -1,16 +1,26 @@
 //! What the codec promises: every message survives the way there and back, and nothing else is let in.
 
+mod any;
 mod examples;
 
-use std::sync::Arc;
-
-use examples::{examples, samples};
+use any::message;
+use examples::{examples, samples, variants};
 use proptest::prelude::*;
-use tomoswarm_proto::codec::{DecodeError, Greeting, LIMIT, VERSION, decode, encode, greeting, pack, unpack};
+use tomoswarm_proto::codec::{
+    DecodeError, Decoded, Greeting, LIMIT, VERSION, decode, encode, greeting, pack, unpack,
+};
 use tomoswarm_proto::*;
 
 fn frame(message: &Message) -> Vec<u8> {
     encode(message).unwrap()
+}
+
+/// Decodes a frame of a kind that is known.
+fn decode_message(frame: &[u8]) -> Result<Message, DecodeError> {
+    decode(frame).map(|decoded| match decoded {
+        Decoded::Message(message) => message,
+        Decoded::Unknown(kind) => panic!("kind {kind} is not known"),
+    })
 }
 
 #[test]
@@ -42,9 +52,10 @@ fn frames_of_others_are_refused() {
     };
     assert_eq!(change(0, b'T'), Err(DecodeError::NotOurs));
     assert_eq!(change(1, 0), Err(DecodeError::NotOurs));
-    assert_eq!(change(2, 2), Err(DecodeError::Version { found: 2 }));
-    assert_eq!(change(3, 5), Err(DecodeError::Kind { header: 5, body: 6 }));
-    assert!(matches!(change(4, 11), Err(DecodeError::Body { .. })));
+    assert_eq!(change(2, 1), Err(DecodeError::Version { found: 1 }));
+    assert_eq!(change(2, 3), Err(DecodeError::Version { found: 3 }));
+    // The kind of the mission is none.
+    assert!(matches!(change(12, 7), Err(DecodeError::Body { .. })));
     assert_eq!(decode(&[]), Err(DecodeError::NotOurs));
 }
 
@@ -52,20 +63,20 @@ fn frames_of_others_are_refused() {
 fn frames_longer_than_any_message_are_refused() {
     assert_eq!(decode(&vec![0; LIMIT + 1]), Err(DecodeError::TooLong { length: LIMIT + 1 }));
     let sample = samples(Some(-70)).samples[0];
-    let batch = Samples { samples: vec![sample; 10_000], ..samples(None) };
+    let batch = Samples { samples: vec![sample; 20_000], ..samples(None) };
     assert!(encode(&Message::Samples(batch)).is_err());
 }
 
 #[test]
 fn a_claimed_length_reserves_no_memory() {
     // A digest that claims 2^62 layers.
-    let mut frame = vec![b't', b'S', 1, 3, 3, 253];
+    let mut frame = vec![b't', b'S', VERSION, 3, 253];
     frame.extend_from_slice(&(1_u64 << 62).to_le_bytes());
     assert!(matches!(decode(&frame), Err(DecodeError::Body { .. })));
 }
 
 fn refused(message: &Message, expected: &str) {
-    match decode(&frame(message)) {
+    match decode_message(&frame(message)) {
         Err(DecodeError::Impossible { reason }) => assert!(reason.contains(expected), "{reason}"),
         other => panic!("{message:?} was not refused: {other:?}"),
     }
@@ -83,13 +94,37 @@ fn impossible_states_are_refused() {
         change(&mut state);
         refused(&Message::State(state), expected);
     };
-    check(|state| state.pose.at.x_m = f64::NAN, "position");
-    check(|state| state.pose.at.y_m = f64::INFINITY, "position");
-    check(|state| state.pose.heading_rad = f64::NAN, "heading");
-    check(|state| state.pose.sd_m = -0.1, "deviation");
-    check(|state| state.speed_mps = f64::NAN, "speed");
-    check(|state| state.battery = 1.01, "battery");
-    check(|state| state.leg.as_mut().unwrap().route[1].x_m = -1e6, "position");
+    let pose = |state: &mut State, change: fn(&mut PoseReport)| change(state.pose.as_mut().unwrap());
+    let nowhere = Position::from_metres(f64::NAN, 0.0, 0.0);
+    let changes: [fn(&mut PoseReport); 4] = [
+        |pose| pose.at.x_mm = i32::MIN,
+        |pose| pose.at.y_mm = i32::MAX,
+        |pose| pose.at.z_mm = 1_000_000_000,
+        |pose| pose.at.z_mm = -1_000_000_000,
+    ];
+    for change in changes {
+        let mut state = state();
+        pose(&mut state, change);
+        refused(&Message::State(state), "position");
+    }
+    let lost = State { pose: Some(PoseReport { at: nowhere, ..examples::pose() }), ..state() };
+    refused(&Message::State(lost), "position");
+    let heading = Heading::from_radians(f64::NAN);
+    let turned = State { pose: Some(PoseReport { heading, ..examples::pose() }), ..state() };
+    refused(&Message::State(turned), "heading");
+    check(|state| state.pose.as_mut().unwrap().heading = Heading(62_832), "heading");
+    check(|state| state.velocity.x_mmps = i32::MIN, "speed");
+    check(|state| state.velocity.z_mmps = -1_000_001, "speed");
+    check(|state| state.roll = Tilt(31_417), "tilt");
+    check(|state| state.pitch = Tilt(-31_417), "tilt");
+    check(|state| state.battery = Some(Permille(1001)), "battery");
+    check(
+        |state| {
+            state.leg =
+                Some(LegReport { route: vec![Position { x_mm: -1_000_000_000, ..Position::default() }] })
+        },
+        "position",
+    );
 }
 
 #[test]
@@ -97,13 +132,13 @@ fn impossible_samples_plans_and_beacons_are_refused() {
     refused(&Message::Samples(samples(Some(300))), "-200 to 100 dBm");
     refused(&Message::Samples(samples(Some(i16::MIN))), "-200 to 100 dBm");
     let mut batch = samples(None);
-    batch.samples[1].transmitter_pose.at.x_m = f64::NAN;
+    batch.samples[1].transmitter_pose.at.x_mm = i32::MIN;
     refused(&Message::Samples(batch), "position");
 
     let plan = || example(|message| if let Message::Plan(plan) = message { Some(plan) } else { None });
     let (mut nowhere, mut bent, mut foreign) = (plan(), plan(), plan());
-    nowhere.stops[0].at.y_m = f64::NAN;
-    bent.stops[0].route[0].x_m = f64::NEG_INFINITY;
+    nowhere.stops[0].at.y_mm = i32::MIN;
+    bent.stops[0].route[0].x_mm = i32::MIN;
     foreign.members = vec![VehicleId(1)];
     refused(&Message::Plan(nowhere), "position");
     refused(&Message::Plan(bent), "position");
@@ -111,7 +146,7 @@ fn impossible_samples_plans_and_beacons_are_refused() {
 
     let mut beacon =
         example(|message| if let Message::Beacon(beacon) = message { Some(beacon) } else { None });
-    beacon.pose.at.x_m = f64::NAN;
+    beacon.pose.as_mut().unwrap().at.x_mm = i32::MIN;
     refused(&Message::Beacon(beacon), "position");
 }
 
@@ -130,19 +165,37 @@ fn the_last_number_is_refused_everywhere() {
     state(|state| state.ordered.revision = Revision(u32::MAX));
     state(|state| state.accepted.1 = Revision(u32::MAX));
     state(|state| state.accepted.0 = RunId(u32::MAX));
-    let progress = |change: fn(&mut Progress)| {
-        let pick = |message| if let Message::Progress(progress) = message { Some(progress) } else { None };
-        refused(&changed(pick, Message::Progress, change), "under 4294967295");
+    let mission = |change: fn(&mut Progress)| {
+        let pick = |message| if let Message::Mission(mission) = message { Some(mission) } else { None };
+        let mission = changed(pick, Message::Mission, |mission| change(&mut mission.progress));
+        refused(&mission, "under 4294967295");
+        let pick = |message| if let Message::Beacon(beacon) = message { Some(beacon) } else { None };
+        let beacon = changed(pick, Message::Beacon, |beacon| change(&mut beacon.progress));
+        refused(&beacon, "under 4294967295");
     };
-    progress(|progress| progress.revision = Revision(u32::MAX));
-    progress(|progress| progress.done = Some(StopId(u32::MAX)));
-    progress(|progress| progress.leg = Some(StopId(u32::MAX)));
+    mission(|progress| progress.run = RunId(u32::MAX));
+    mission(|progress| progress.revision = Revision(u32::MAX));
+    mission(|progress| progress.done = Some(StopId(u32::MAX)));
+    mission(|progress| progress.leg = Some(StopId(u32::MAX)));
     let order = |change: fn(&mut Order)| {
         let pick = |message| if let Message::Order(order) = message { Some(order) } else { None };
         refused(&changed(pick, Message::Order, change), "under 4294967295");
     };
     order(|order| order.revision = Revision(u32::MAX));
     order(|order| order.run = RunId(u32::MAX));
+    let task = |change: fn(&mut Task)| {
+        let pick = |message| if let Message::Task(task) = message { Some(task) } else { None };
+        refused(&changed(pick, Message::Task, change), "under 4294967295");
+    };
+    task(|task| task.run = RunId(u32::MAX));
+    task(|task| task.compare_with = Some(RunId(u32::MAX)));
+    let report = |change: fn(&mut Report)| {
+        let pick = |message| if let Message::Report(report) = message { Some(report) } else { None };
+        refused(&changed(pick, Message::Report, change), "under 4294967295");
+    };
+    report(|report| report.run = RunId(u32::MAX));
+    report(|report| report.runs[2].run = RunId(u32::MAX));
+    report(|report| report.runs[0].compared_with = Some(RunId(u32::MAX)));
 }
 
 #[test]
@@ -167,7 +220,7 @@ fn lists_are_bounded_and_in_order() {
         refused(&changed(pick, Message::Beacon, change), expected);
     };
     beacon(|beacon| beacon.members = vec![VehicleId(3), VehicleId(1)], "ascending");
-    beacon(|beacon| beacon.progress.vehicle = VehicleId(3), "sender");
+    beacon(|beacon| beacon.members = (0..13).map(VehicleId).collect(), "12 members");
     let layer = LayerDigest { layer: LayerId::default(), tiles: 1, revisions: 1, hash: 1 };
     refused(&Message::Digest(Digest { layers: vec![layer; 257] }), "256 layers");
     let known = vec![(TileAddress::default(), 1); 4097];
@@ -175,14 +228,165 @@ fn lists_are_bounded_and_in_order() {
     let mut batch = samples(None);
     batch.samples.swap(0, 1);
     refused(&Message::Samples(batch), "ascending by sequence");
-    let software = "x".repeat(257);
-    let hello = || example(|message| if let Message::Hello(hello) = message { Some(hello) } else { None });
-    refused(&Message::Hello(Hello { software: software.clone(), ..hello() }), "256 bytes");
-    refused(&Message::Hello(Hello { capabilities: vec![software], ..hello() }), "32 words");
+    let hello = |change: fn(&mut Hello), expected: &str| {
+        let pick = |message| if let Message::Hello(hello) = message { Some(hello) } else { None };
+        refused(&changed(pick, Message::Hello, change), expected);
+    };
+    hello(|hello| hello.software = "x".repeat(65), "64 bytes");
+    hello(|hello| hello.name = "x".repeat(33), "32 bytes");
+    hello(|hello| hello.capabilities.reverse(), "32 capabilities are named, ascending");
+    hello(|hello| hello.capabilities = vec![Capability::StoredMissions; 33], "32 capabilities");
+    hello(|hello| hello.interest = vec![Interest::Map, Interest::Map], "each named once");
+}
+
+#[test]
+fn lists_of_version_2_are_bounded_and_in_order() {
+    let batch = |lost: &[(u64, u64)], expected: &str| {
+        let lost = lost.iter().map(|(from, until)| LostSamples { from: *from, until: *until }).collect();
+        refused(&Message::Samples(Samples { lost, ..samples(None) }), expected);
+    };
+    batch(&[(5, 5)], "ranges are lost");
+    batch(&[(5, 7), (7, 9)], "ranges are lost");
+    batch(&[(8, 9), (1, 2)], "ranges are lost");
+    batch(&std::array::from_fn::<_, 65, _>(|at| (3 * at as u64, 3 * at as u64 + 1)), "64 ranges");
+    let sample = |sequence| Sample { sequence, ..samples(None).samples[0] };
+    let many = Samples { samples: (0..1025).map(sample).collect(), ..samples(None) };
+    refused(&Message::Samples(many), "1024 samples");
+
+    let health = |change: fn(&mut Health), expected: &str| {
+        let pick = |message| if let Message::Health(health) = message { Some(health) } else { None };
+        refused(&changed(pick, Message::Health, change), expected);
+    };
+    health(|health| health.troubles = vec![String::new(); 17], "16 troubles");
+    health(|health| health.troubles = vec!["x".repeat(201)], "200 bytes");
+    health(|health| health.hears = vec![VehicleId(2), VehicleId(2)], "ascending");
+    health(|health| health.autopilot.as_mut().unwrap().firmware = "x".repeat(33), "firmware");
+
+    let report = |change: fn(&mut Report), expected: &str| {
+        let pick = |message| if let Message::Report(report) = message { Some(report) } else { None };
+        refused(&changed(pick, Message::Report, change), expected);
+    };
+    report(|report| report.runs.reverse(), "16 runs are reported, ascending");
+    report(
+        |report| {
+            report.runs = (0..17).map(|run| RunReport { run: RunId(run), ..RunReport::default() }).collect()
+        },
+        "16 runs",
+    );
+    report(|report| report.expected.reverse(), "ascending");
+    report(|report| report.troubles = vec!["x".repeat(201)], "200 bytes");
+}
+
+#[test]
+fn impossible_missions_orders_and_stops_are_refused() {
+    let mission = |change: fn(&mut Mission), expected: &str| {
+        let pick = |message| if let Message::Mission(mission) = message { Some(mission) } else { None };
+        refused(&changed(pick, Message::Mission, change), expected);
+    };
+    mission(|mission| mission.share = Some(Permille(1001)), "share");
+    mission(|mission| mission.goal.as_mut().unwrap().x_mm = i32::MIN, "position");
+    mission(|mission| mission.end = Some(MissionEnd::NoWay(0)), "at least one");
+    mission(|mission| mission.end = Some(MissionEnd::GaveUp(0)), "at least one");
+
+    let order = |kind, ends: &[u32], expected: &str| {
+        let pick = |message| if let Message::Order(order) = message { Some(order) } else { None };
+        let ends: Vec<EmergencyName> = ends.iter().copied().map(EmergencyName).collect();
+        let order = Order { kind, ends, ..example(pick) };
+        refused(&Message::Order(order), expected);
+    };
+    order(OrderKind::Hold, &[1], "only a start");
+    order(OrderKind::Start, &[2, 1], "ascending");
+    order(OrderKind::Start, &[1, 1], "named once");
+    order(OrderKind::Start, &[1, 2, 3, 4, 5, 6, 7, 8, 9], "at most 8");
+
+    let stop = |name| EmergencyStop { name: EmergencyName(name), scope: StopScope::All, by: OperatorId(1) };
+    let standing = |open: &[u32], lifted: &[u32], expected: &str| {
+        let open = open.iter().copied().map(stop).collect();
+        let lifted = lifted.iter().copied().map(EmergencyName).collect();
+        refused(&Message::Standing(Standing { open, lifted }), expected);
+    };
+    standing(&[2, 1], &[], "ascending by name");
+    standing(&[1, 1], &[], "ascending by name");
+    standing(&[1, 2, 3, 4, 5, 6, 7, 8, 9], &[], "8 stops");
+    standing(&[], &[7, 1, 7], "named once");
+    standing(&[], &(0..65).collect::<Vec<u32>>(), "64");
+}
+
+#[test]
+fn impossible_tasks_and_images_are_refused() {
+    let task = |change: fn(&mut Task), expected: &str| {
+        let pick = |message| if let Message::Task(task) = message { Some(task) } else { None };
+        refused(&changed(pick, Message::Task, change), expected);
+    };
+    task(|task| task.members.clear(), "has members");
+    task(|task| task.members.reverse(), "ascending");
+    task(|task| task.compare_with = Some(task.run), "another one");
+    task(|task| task.kind = TaskKind::Legs { places: vec![] }, "1 to 1000");
+    task(|task| task.kind = TaskKind::Pathfind { places: vec![Position::default(); 1001] }, "1 to 1000");
+    let nowhere = Position { x_mm: 0, y_mm: i32::MIN, z_mm: 0 };
+    refused(
+        &Message::Task(Task {
+            kind: TaskKind::Legs { places: vec![nowhere] },
+            ..example(|message| if let Message::Task(task) = message { Some(task) } else { None })
+        }),
+        "position",
+    );
+    task(|task| task.kind = TaskKind::Forward { distance_mm: 1_000_000_000 }, "distance");
+    task(
+        |task| {
+            task.kind = TaskKind::Sweep {
+                planner: SweepPlanner::Fan,
+                positions: 8,
+                laps: None,
+                dwell_ms: 2,
+                dwell_limit_ms: 1,
+            }
+        },
+        "dwell",
+    );
+
+    let image = |change: fn(&mut Image), expected: &str| {
+        let pick = |message| if let Message::Image(image) = message { Some(image) } else { None };
+        refused(&changed(pick, Message::Image, change), expected);
+    };
+    image(|image| image.columns = 0, "400 columns");
+    image(|image| image.rows = 401, "400 columns");
+    image(|image| image.rows = 41, "3072 pixels");
+    image(|image| image.part = 1, "3072 pixels");
+    image(|image| image.parts = 2, "3072 pixels");
+    image(|image| image.mean.push(0), "3072 pixels");
+    image(|image| image.deviation.as_mut().unwrap().clear(), "3072 pixels");
+    image(|image| image.area.greatest = image.area.least, "rectangle");
+    image(|image| image.area.greatest.z_mm = 1, "one height");
+    image(|image| image.finds = vec![image.finds[0]; 33], "32 finds");
+    image(|image| image.finds[0].probability = Some(Permille(1001)), "probability");
+    image(|image| image.finds[0].at.x_mm = i32::MAX, "position");
+    let pick = |(name, message)| match message {
+        Message::Image(image) if name == "image-last-part" => Some(image),
+        _ => None,
+    };
+    let mut last = variants().into_iter().find_map(pick).unwrap();
+    last.finds =
+        example(|message| if let Message::Image(image) = message { Some(image) } else { None }).finds;
+    refused(&Message::Image(last), "in the first part");
+}
+
+#[test]
+fn an_unknown_kind_is_no_mistake_whatever_it_holds() {
+    for kind in 16..=u8::MAX {
+        for body in [&[][..], &[0], &[255; 300]] {
+            let frame = [&[b't', b'S', VERSION, kind], body].concat();
+            assert_eq!(decode(&frame), Ok(Decoded::Unknown(kind)));
+        }
+    }
+    let long = [&[b't', b'S', VERSION, 16][..], &vec![0; LIMIT]].concat();
+    assert_eq!(decode(&long), Err(DecodeError::TooLong { length: LIMIT + 4 }));
+    assert_eq!(decode(b"tS\x01\x10"), Err(DecodeError::Version { found: 1 }));
+    assert_eq!(decode(b"tT\x02\x10"), Err(DecodeError::NotOurs));
 }
 
 fn tile_frame(cells: &[u8]) -> Vec<u8> {
-    let mut frame = vec![b't', b'S', VERSION, 2, 2, 1, 1, 0, 0, 0, 1];
+    let mut frame = vec![b't', b'S', VERSION, 2, 1, 1, 0, 0, 0, 1];
     match u8::try_from(cells.len()).ok().filter(|length| *length < 251) {
         Some(length) => frame.push(length),
         None => {
@@ -204,7 +408,7 @@ fn a_tile_of_any_other_number_of_cells_is_refused() {
         }
         bytes
     };
-    let Ok(Message::Tile(tile)) = decode(&tile_frame(&even(1024))) else { panic!("an even tile") };
+    let Ok(Message::Tile(tile)) = decode_message(&tile_frame(&even(1024))) else { panic!("an even tile") };
     assert_eq!(*tile.cells, [-17; TILE_CELLS]);
     for cells in [0, 3, 130, 1023, 1025, 1027, 2048, 60_000] {
         let refused = decode(&tile_frame(&even(cells)));
@@ -219,14 +423,14 @@ fn a_tile_of_any_other_number_of_cells_is_refused() {
 fn the_same_tile_written_in_other_pieces_is_the_same_message() {
     let plain = [vec![127], vec![239; 128]].concat().repeat(8);
     let runs = [[255, 239].repeat(7), vec![128 + 111, 239]].concat();
-    let (plain, runs) = (decode(&tile_frame(&plain)).unwrap(), decode(&tile_frame(&runs)).unwrap());
+    let [plain, runs] = [plain, runs].map(|cells| decode_message(&tile_frame(&cells)).unwrap());
     assert_eq!(plain, runs);
     assert!(frame(&runs).len() < 32, "an even tile is small: {}", frame(&runs).len());
 }
 
 #[test]
 fn a_claimed_length_of_cells_reserves_no_memory() {
-    let mut frame = vec![b't', b'S', VERSION, 2, 2, 1, 1, 0, 0, 0, 1, 253];
+    let mut frame = vec![b't', b'S', VERSION, 2, 1, 1, 0, 0, 0, 1, 253];
     frame.extend_from_slice(&(1_u64 << 62).to_le_bytes());
     assert!(matches!(decode(&frame), Err(DecodeError::Body { .. })));
 }
@@ -249,9 +453,9 @@ fn example_hello() -> Hello {
 
 #[test]
 fn a_greeting_of_any_version_can_be_read() {
-    for node in
-        [Sender::Vehicle(VehicleId(0)), Sender::Vehicle(VehicleId(255)), Sender::Ground, Sender::Operator]
-    {
+    let vehicles = [0, 255].map(|id| Sender::Vehicle(VehicleId(id)));
+    let operators = [0, 1, 255].map(|id| Sender::Operator(OperatorId(id)));
+    for node in vehicles.into_iter().chain(operators).chain([Sender::Ground]) {
         let hello = Hello { node, ..example_hello() };
         let mut frame = frame(&Message::Hello(hello.clone()));
         for version in 0..=255 {
@@ -275,7 +479,7 @@ fn what_is_no_greeting_is_refused() {
     for (name, message) in examples().into_iter().filter(|(name, _)| *name != "hello") {
         assert_eq!(greeting(&frame(&message)), Err(DecodeError::NotOurs), "{name}");
     }
-    for node in [258_u16, 1000, u16::MAX] {
+    for node in [513_u16, 1000, u16::MAX] {
         let mut unknown = hello.clone();
         unknown[4..6].copy_from_slice(&node.to_le_bytes());
         assert!(matches!(greeting(&unknown), Err(DecodeError::Impossible { .. })), "node {node}");
@@ -298,20 +502,31 @@ fn a_hello_that_contradicts_its_greeting_is_refused() {
 }
 
 #[test]
+fn an_operator_greets_with_257_and_its_number() {
+    for id in [0, 1, 255] {
+        let hello = Hello { node: Sender::Operator(OperatorId(id)), ..example_hello() };
+        let frame = frame(&Message::Hello(hello));
+        assert_eq!(u16::from_le_bytes([frame[4], frame[5]]), 257 + u16::from(id));
+    }
+}
+
+#[test]
 fn whoever_alone_may_say_a_message_also_has_its_key() {
     for (name, message) in examples() {
         let speaker = Sender::Vehicle(VehicleId(2));
         let (author, free) = match name {
-            "plan" | "have" | "report" => (Some(Sender::Ground), false),
-            "tile" | "digest" | "want" | "order" => (None, true),
+            "plan" | "have" | "report" | "image" => (Some(Sender::Ground), false),
+            "tile" | "digest" | "want" | "order" | "standing" | "task" => (None, true),
             _ => (Some(speaker), false),
         };
         assert_eq!(message.author(), author, "{name}");
         assert_eq!(message.word(), name);
-        for sender in [Sender::Ground, speaker, Sender::Operator] {
-            let key = Key::of(sender, &message);
-            assert_eq!(Key::sender(key.as_str()), Some(sender), "{}", key.as_str());
-            assert_eq!(key.as_str().strip_prefix(&sender.prefix()).unwrap().split('/').nth(1), Some(name));
+        for sender in [Sender::Ground, speaker, Sender::Operator(OperatorId(1))] {
+            let key = Key::of(sender, &message).to_string();
+            assert_eq!(Key::sender(&key), Some(sender), "{key}");
+            let topic = key.strip_prefix(&sender.prefix()).unwrap();
+            assert_eq!(topic.split('/').nth(1), Some(name));
+            assert_eq!(topic, format!("/{}", Topic::of(&message)));
             assert_eq!(
                 free || author == Some(sender),
                 message.author().is_none_or(|author| author == sender)
@@ -320,380 +535,63 @@ fn whoever_alone_may_say_a_message_also_has_its_key() {
     }
 }
 
-fn position() -> impl Strategy<Value = Position> {
-    (-9e5..9e5, -9e5..9e5, -9e5..9e5).prop_map(|(x_m, y_m, z_m)| Position { x_m, y_m, z_m })
-}
-
-fn pose() -> impl Strategy<Value = PoseReport> {
-    (position(), -10.0..10.0, 0.0..100.0).prop_map(|(at, heading_rad, sd_m)| PoseReport {
-        at,
-        heading_rad,
-        sd_m,
-    })
-}
-
-fn vehicle() -> impl Strategy<Value = VehicleId> {
-    any::<u8>().prop_map(VehicleId)
-}
-
-/// A run, revision or stop.
-fn number() -> impl Strategy<Value = u32> {
-    0..u32::MAX
-}
-
-fn progress() -> impl Strategy<Value = Progress> {
-    (vehicle(), number(), number(), prop::option::of(number()), prop::option::of(number())).prop_map(
-        |(vehicle, run, revision, done, leg)| Progress {
-            vehicle,
-            boot: Boot(run ^ 5),
-            run: RunId(run),
-            revision: Revision(revision),
-            done: done.map(StopId),
-            leg: leg.map(StopId),
-        },
-    )
-}
-
-fn stop() -> impl Strategy<Value = Stop> {
-    let waits = prop::collection::vec((vehicle(), number().prop_map(StopId)), 0..4);
-    let route = prop::collection::vec(position(), 0..4);
-    let partners = prop::collection::vec(vehicle(), 0..4);
-    (number(), position(), route, any::<u32>(), any::<u32>(), partners, waits).prop_map(
-        |(id, at, route, dwell_ms, dwell_limit_ms, partners, after)| Stop {
-            id: StopId(id),
-            at,
-            route,
-            dwell_ms,
-            dwell_limit_ms,
-            partners,
-            after,
-        },
-    )
-}
-
-fn plan() -> impl Strategy<Value = Message> {
-    let stops = prop::collection::vec(stop(), 0..6);
-    (vehicle(), number(), number(), prop::collection::vec(vehicle(), 0..4), position(), stops).prop_map(
-        |(vehicle, run, revision, mut members, start, stops)| {
-            members.push(vehicle);
-            members.sort_unstable();
-            members.dedup();
-            let (run, revision) = (RunId(run), Revision(revision));
-            let lease = Lease { number: 3, holder: 5 };
-            Message::Plan(Plan { vehicle, run, revision, lease, seen_state: 9, members, start, stops })
-        },
-    )
-}
-
-fn sample() -> impl Strategy<Value = Sample> {
-    let rssi = prop::option::of(-200_i16..=100);
-    (any::<u64>(), any::<u64>(), vehicle(), pose(), pose(), any::<u8>(), any::<i8>(), rssi).prop_map(
-        |(
-            sequence,
-            heard_at_ns,
-            transmitter,
-            transmitter_pose,
-            receiver_pose,
-            channel,
-            power_dbm,
-            rssi_dbm,
-        )| {
-            Sample {
-                sequence,
-                heard_at_ns,
-                transmitter,
-                transmitter_pose,
-                receiver_pose,
-                channel,
-                power_dbm,
-                rssi_dbm,
-            }
-        },
-    )
-}
-
-fn sample_batch() -> impl Strategy<Value = Message> {
-    (vehicle(), any::<u32>(), number(), prop::collection::vec(sample(), 0..5)).prop_map(
-        |(vehicle, boot, run, mut samples)| {
-            samples.sort_by_key(|sample| sample.sequence);
-            samples.dedup_by_key(|sample| sample.sequence);
-            Message::Samples(Samples { vehicle, boot: Boot(boot), run: RunId(run), samples })
-        },
-    )
-}
-
-fn state() -> impl Strategy<Value = Message> {
-    let mode = prop::sample::select(vec![
-        Mode::Idle,
-        Mode::Driving,
-        Mode::Turning,
-        Mode::Halted,
-        Mode::Held,
-        Mode::Emergency,
-    ]);
-    let leg = prop::option::of(prop::collection::vec(position(), 0..4));
-    (
-        vehicle(),
-        any::<u64>(),
-        pose(),
-        0.0..900.0,
-        mode,
-        0.0..=1.0,
-        leg,
-        [number(), number(), number(), number()],
-        any::<u64>(),
-    )
-        .prop_map(
-            |(
-                vehicle,
-                sequence,
-                pose,
-                speed_mps,
-                mode,
-                battery,
-                leg,
-                [boot, run, accepted, ordered],
-                holder,
-            )| {
-                Message::State(State {
-                    vehicle,
-                    boot: Boot(boot),
-                    sequence,
-                    pose,
-                    speed_mps,
-                    mode,
-                    battery,
-                    leg: leg.map(|route| LegReport { route }),
-                    accepted: (RunId(run), Revision(accepted)),
-                    ordered: Ordered {
-                        lease: Lease { number: boot, holder },
-                        revision: Revision(ordered),
-                        run: RunId(run),
-                        kind: None,
-                    },
-                })
-            },
-        )
-}
-
-/// A tile in stretches of equal cells, some of one cell.
-fn tile() -> impl Strategy<Value = Message> {
-    let stretches = prop::collection::vec((any::<i8>(), prop_oneof![Just(1_usize), 2..300_usize]), 1..400);
-    (vehicle(), any::<u32>(), any::<(i16, i32, i32)>(), any::<u32>(), stretches).prop_map(
-        |(vehicle, boot, (slice, x, y), revision, stretches)| {
-            let layer = LayerId { vehicle, boot: Boot(boot) };
-            let cells = stretches.into_iter().flat_map(|(value, count)| std::iter::repeat_n(value, count));
-            let mut cells = cells.chain(std::iter::repeat(0));
-            let cells = Arc::new(std::array::from_fn(|_| cells.next().unwrap()));
-            Message::Tile(TileReport { layer, address: TileAddress { slice, x, y }, revision, cells })
-        },
-    )
-}
-
-fn health() -> impl Strategy<Value = Message> {
-    let counts = any::<[u64; 3]>();
-    let words = prop::collection::vec(".{0,30}", 0..4);
-    let hears = prop::collection::btree_set(vehicle(), 0..9);
-    (vehicle(), any::<u32>(), hears, counts, prop::option::of(any::<u32>()), words).prop_map(
-        |(vehicle, boot, hears, [samples_waiting, samples_lost, inputs_dropped], disk_free_mb, troubles)| {
-            let (boot, hears) = (Boot(boot), hears.into_iter().collect());
-            Message::Health(Health {
-                vehicle,
-                boot,
-                hears,
-                samples_waiting,
-                samples_lost,
-                inputs_dropped,
-                disk_free_mb,
-                troubles,
-            })
-        },
-    )
-}
-
-fn order_kind() -> impl Strategy<Value = OrderKind> {
-    prop::sample::select(vec![
-        OrderKind::Start,
-        OrderKind::Hold,
-        OrderKind::Return,
-        OrderKind::Land,
-        OrderKind::Emergency,
-        OrderKind::CutMotors,
-    ])
-}
-
-fn report() -> impl Strategy<Value = Message> {
-    let phase = prop::sample::select(vec![
-        StationPhase::Idle,
-        StationPhase::Waiting,
-        StationPhase::Stopping,
-        StationPhase::Planning,
-        StationPhase::Running,
-        StationPhase::Closing,
-    ]);
-    let ids = || prop::collection::btree_set(vehicle(), 0..9);
-    let words = prop::collection::vec(".{0,30}", 0..4);
-    let standing = prop::option::of(order_kind());
-    (any::<[u32; 4]>(), any::<[u64; 3]>(), number(), phase, ids(), ids(), standing, words).prop_map(
-        |(
-            [boot, lease, laps, pictures],
-            [holder, store, samples],
-            run,
-            phase,
-            members,
-            lost,
-            standing,
-            troubles,
-        )| {
-            Message::Report(Report {
-                boot: Boot(boot),
-                lease: Lease { number: lease, holder },
-                store,
-                phase,
-                run: RunId(run),
-                laps_done: laps / 2,
-                laps,
-                samples,
-                pictures,
-                members: members.into_iter().collect(),
-                lost: lost.into_iter().collect(),
-                standing,
-                troubles,
-            })
-        },
-    )
-}
-
-fn beacon() -> impl Strategy<Value = Message> {
-    let members = prop::collection::btree_set(vehicle(), 0..9);
-    (vehicle(), any::<u32>(), any::<u64>(), pose(), any::<u8>(), any::<i8>(), members, progress()).prop_map(
-        |(sender, boot, sequence, pose, channel, power_dbm, members, progress)| {
-            let (boot, members) = (Boot(boot), members.into_iter().collect());
-            let progress = Progress { vehicle: sender, ..progress };
-            Message::Beacon(Beacon { sender, boot, sequence, pose, channel, power_dbm, members, progress })
-        },
-    )
-}
-
-fn hello() -> impl Strategy<Value = Message> {
-    let node = prop_oneof![Just(Sender::Ground), Just(Sender::Operator), vehicle().prop_map(Sender::Vehicle)];
-    let words = prop::collection::vec(".{0,20}", 0..4);
-    (node, any::<[u32; 2]>(), any::<[u64; 2]>(), any::<bool>(), ".{0,40}", words).prop_map(
-        |(node, [boot, member_for_s], [venue_hash, instance], is_member, software, capabilities)| {
-            let boot = Boot(boot);
-            Message::Hello(Hello {
-                node,
-                boot,
-                venue_hash,
-                instance,
-                is_member,
-                member_for_s,
-                software,
-                capabilities,
-            })
-        },
-    )
-}
-
-fn order() -> impl Strategy<Value = Message> {
-    (vehicle(), [number(), number(), number()], any::<[u64; 2]>(), order_kind()).prop_map(
-        |(vehicle, [number, run, revision], [holder, seen_state], kind)| {
-            let (run, revision) = (RunId(run), Revision(revision));
-            Message::Order(Order {
-                vehicle,
-                lease: Lease { number, holder },
-                run,
-                revision,
-                seen_state,
-                kind,
-            })
-        },
-    )
-}
-
-fn bookkeeping() -> impl Strategy<Value = Message> {
-    let entry = (vehicle(), any::<u32>(), number(), any::<u64>(), any::<(i16, i32, i32)>());
-    (0..3, any::<u64>(), prop::collection::vec(entry, 0..6)).prop_map(|(kind, store, entries)| {
-        let layer = |vehicle, boot| LayerId { vehicle, boot: Boot(boot) };
-        match kind {
-            0 => Message::Digest(Digest {
-                layers: entries
-                    .iter()
-                    .map(|(vehicle, boot, tiles, hash, _)| LayerDigest {
-                        layer: layer(*vehicle, *boot),
-                        tiles: *tiles,
-                        revisions: *hash ^ 7,
-                        hash: *hash,
-                    })
-                    .collect(),
-            }),
-            1 => Message::Want(Want {
-                layer: layer(VehicleId(1), 2),
-                known: entries
-                    .iter()
-                    .map(|(_, _, revision, _, (slice, x, y))| {
-                        (TileAddress { slice: *slice, x: *x, y: *y }, *revision)
-                    })
-                    .collect(),
-            }),
-            _ => Message::Have(Have {
-                closed: vec![RunId(3)],
-                store,
-                watermarks: entries
-                    .iter()
-                    .map(|(vehicle, boot, run, below, _)| HeardFrom {
-                        vehicle: *vehicle,
-                        boot: Boot(*boot),
-                        run: RunId(*run),
-                        below: *below,
-                    })
-                    .collect(),
-            }),
-        }
-    })
-}
-
-fn message() -> impl Strategy<Value = Message> {
-    prop_oneof![
-        hello(),
-        state(),
-        tile(),
-        bookkeeping(),
-        plan(),
-        progress().prop_map(Message::Progress),
-        order(),
-        sample_batch(),
-        beacon(),
-        health(),
-        report(),
-    ]
-}
-
 proptest! {
     #[test]
     fn every_message_survives_the_way_there_and_back(message in message()) {
         let frame = encode(&message).unwrap();
-        prop_assert_eq!(decode(&frame), Ok(message));
+        prop_assert_eq!(decode(&frame), Ok(Decoded::Message(message)));
     }
 
     #[test]
     fn what_is_read_from_noise_is_written_as_it_was(noise in prop::collection::vec(any::<u8>(), 0..80)) {
-        let mut frame = vec![b't', b'S', 1];
+        let mut frame = vec![b't', b'S', VERSION];
         frame.extend(noise);
-        if let Ok(message) = decode(&frame) {
+        if let Ok(Decoded::Message(message)) = decode(&frame) {
             prop_assert!(message.check().is_ok());
             let again = decode(&encode(&message).unwrap());
-            prop_assert_eq!(again, Ok(message));
+            prop_assert_eq!(again, Ok(Decoded::Message(message)));
         }
     }
 
     #[test]
-    fn a_changed_byte_never_panics(at in 0_usize..2000, to in any::<u8>(), which in 0_usize..13) {
-        let mut frame = frame(&examples()[which].1);
+    fn a_changed_byte_never_panics(at in 0_usize..4000, to in any::<u8>(), which in any::<prop::sample::Index>()) {
+        let all: Vec<_> = examples().into_iter().chain(variants()).collect();
+        let mut frame = frame(&which.get(&all).1);
         let at = at % frame.len();
         frame[at] = to;
-        if let Ok(message) = decode(&frame) {
+        if let Ok(Decoded::Message(message)) = decode(&frame) {
             prop_assert!(message.check().is_ok());
         }
+    }
+
+    #[test]
+    fn several_changed_bytes_and_another_end_never_panic(
+        changes in prop::collection::vec((any::<prop::sample::Index>(), any::<u8>()), 1..8),
+        end in any::<prop::sample::Index>(),
+        which in any::<prop::sample::Index>(),
+    ) {
+        let all: Vec<_> = examples().into_iter().chain(variants()).collect();
+        let mut frame = frame(&which.get(&all).1);
+        for (at, to) in changes {
+            let at = at.index(frame.len());
+            frame[at] = to;
+        }
+        frame.truncate(1 + end.index(frame.len()));
+        if let Ok(Decoded::Message(message)) = decode(&frame) {
+            prop_assert!(message.check().is_ok());
+        }
+    }
+
+    #[test]
+    fn any_bytes_at_all_never_panic(bytes in prop::collection::vec(any::<u8>(), 0..200)) {
+        let _ = decode(&bytes);
+        let _ = greeting(&bytes);
+        let _ = Key::sender(&String::from_utf8_lossy(&bytes));
+    }
+
+    #[test]
+    fn any_body_of_an_unknown_kind_is_unknown(kind in 16..=u8::MAX, body in prop::collection::vec(any::<u8>(), 0..200)) {
+        let frame = [&[b't', b'S', VERSION, kind], &body[..]].concat();
+        prop_assert_eq!(decode(&frame), Ok(Decoded::Unknown(kind)));
     }
 }

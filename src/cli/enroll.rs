@@ -11,6 +11,7 @@ use super::enroll_files::{NodeConfig, file_name, vehicles_line};
 use super::error::CliError;
 use super::read;
 use crate::config::{self, Config, Topology, Venue};
+use crate::run::membership::OPERATOR;
 use crate::run::trust::{
     Authority, Certificate, CommonName, Issued, Lock, NewFile, Roster, is_host, read_limited, replace_file,
     write_new_folder,
@@ -58,7 +59,7 @@ pub struct EnrollArgs {
     /// Give an enrolled node a new certificate; the old one ends
     #[arg(long)]
     pub replace: bool,
-    /// Take a node out of the roster: ground, vehicle-N or operator
+    /// Take a node out of the roster: ground, vehicle-N or operator-N
     #[arg(long, value_name = "NAME", conflicts_with_all = ["replace", "hosts"])]
     pub revoke: Option<String>,
 }
@@ -136,7 +137,9 @@ impl EnrollArgs {
 
     fn revoke(&self, name: &str) -> Result<String, CliError> {
         let node = CommonName::node_of(name).ok_or_else(|| {
-            CliError::Usage(format!("--revoke {name}: is no node; ground, operator or vehicle-N is expected"))
+            CliError::Usage(format!(
+                "--revoke {name}: is no node; ground, operator-N or vehicle-N is expected"
+            ))
         })?;
         let swarm = Swarm::open(&self.folder)?;
         let next = swarm.roster.revoking(node).map_err(|error| swarm.refused(ROSTER, error))?;
@@ -150,7 +153,7 @@ impl EnrollArgs {
     fn wanted(&self) -> Result<Sender, CliError> {
         match (self.node, self.number) {
             (Some(Node::Ground), None) => Ok(Sender::Ground),
-            (Some(Node::Operator), None) => Ok(Sender::Operator),
+            (Some(Node::Operator), None) => Ok(OPERATOR),
             (Some(Node::Vehicle), Some(number)) => Ok(Sender::Vehicle(VehicleId(number))),
             (Some(Node::Vehicle), None) => Err(CliError::Usage(
                 "vehicle: its number is missing; vehicle N is expected, 1 to 250".to_owned(),
@@ -362,14 +365,14 @@ fn check_home(node: Sender, venue: &Venue) -> Result<(), CliError> {
         Sender::Vehicle(id) if usize::from(id.0) > homes => {
             Err(CliError::Usage(format!("vehicle {id}: has no home, the venue has {homes} of them")))
         }
-        Sender::Vehicle(_) | Sender::Ground | Sender::Operator => Ok(()),
+        Sender::Vehicle(_) | Sender::Ground | Sender::Operator(_) => Ok(()),
     }
 }
 
 fn vehicles_of(roster: &Roster) -> Vec<VehicleId> {
     let vehicle = |node: Sender| match node {
         Sender::Vehicle(id) => Some(id),
-        Sender::Ground | Sender::Operator => None,
+        Sender::Ground | Sender::Operator(_) => None,
     };
     let ids: BTreeSet<VehicleId> =
         roster.allowed.iter().filter_map(|entry| vehicle(entry.name.node)).collect();

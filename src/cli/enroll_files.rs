@@ -28,7 +28,7 @@ pub fn file_name(node: Sender) -> &'static str {
     match node {
         Sender::Ground => "ground.toml",
         Sender::Vehicle(_) => "vehicle.toml",
-        Sender::Operator => "operator.toml",
+        Sender::Operator(_) => "operator.toml",
     }
 }
 
@@ -61,7 +61,7 @@ impl NodeConfig {
             Sender::Vehicle(id) => {
                 format!("kind = \"vehicle\"\nvenue = \"venue.toml\"\nid = {id}\n{state}{DRIVERS}")
             }
-            Sender::Operator => "kind = \"operator\"\nvenue = \"venue.toml\"\n".to_owned(),
+            Sender::Operator(_) => "kind = \"operator\"\nvenue = \"venue.toml\"\n".to_owned(),
         };
         format!("{own}\n{}", self.bus())
     }
@@ -90,7 +90,7 @@ impl NodeConfig {
         let is_fixed = match self.node {
             Sender::Ground => true,
             Sender::Vehicle(_) => self.is_reached,
-            Sender::Operator => false,
+            Sender::Operator(_) => false,
         };
         let port = if is_fixed { self.port } else { 0 };
         Endpoint { protocol: Protocol::Tls, host: host.to_owned(), port }

@@ -279,7 +279,8 @@ mod tests {
         let mut store = GroundStore::open(path, &start).unwrap();
         let clock = UtcOffset { offset_s: 1_700_000_000.0, error_s: 0.015 };
         store.note_vehicle(VehicleId(1), Boot(1), None, Some(clock)).unwrap();
-        let place = |x_m, y_m| PoseReport { at: Position { x_m, y_m, z_m: 0.0 }, ..PoseReport::default() };
+        let place =
+            |x_m, y_m| PoseReport { at: Position::from_metres(x_m, y_m, 0.0), ..PoseReport::default() };
         let sample = |sequence: u64| Sample {
             sequence,
             heard_at_ns: sequence * 1_000_000_000,
@@ -292,7 +293,8 @@ mod tests {
         };
         for run in [1, 2] {
             let samples = (0..10).map(sample).collect();
-            let batch = Samples { vehicle: VehicleId(1), boot: Boot(1), run: RunId(run), samples };
+            let batch =
+                Samples { vehicle: VehicleId(1), boot: Boot(1), run: RunId(run), samples, lost: vec![] };
             store.take(&[batch]).unwrap();
         }
         let area = Rect::new(Point::new(0.0, 0.0), Point::new(20.0, 20.0));

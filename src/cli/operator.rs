@@ -6,7 +6,7 @@ use std::collections::BTreeSet;
 use std::path::Path;
 use std::time::Duration;
 
-use tomoswarm_proto::{Boot, Hello, Sender, VehicleId};
+use tomoswarm_proto::{Boot, Hello, VehicleId};
 
 use super::error::CliError;
 use super::read;
@@ -15,7 +15,7 @@ use crate::config::{self, BusFile, Config, Endpoint, Protocol, Topology, Venue};
 use crate::operator::operator_actor::OperatorSettings;
 use crate::run::bus::{BusError, BusSettings};
 use crate::run::live_operator::LiveOperator;
-use crate::run::membership::{self, NoChance};
+use crate::run::membership::{self, NoChance, OPERATOR};
 use crate::run::operator_session::Session;
 
 /// What a command knows before it hears anything.
@@ -43,7 +43,7 @@ impl OperatorContext {
             Config::Ground(file) if file.bus.identity.is_some() => {
                 let reason = "is the ground station's own file, and its certificate is not an operator's; \
                               give the operator's file here, which `tomoswarm enroll FOLDER --venue FILE operator \
-                              --ground-host HOST` writes (FOLDER/operator/operator.toml)";
+                              --ground-host HOST` writes (FOLDER/operator-1/operator.toml)";
                 Err(CliError::Input { path: path.to_owned(), reason: reason.to_owned() })
             }
             Config::Ground(file) => {
@@ -81,7 +81,7 @@ impl OperatorContext {
 
     fn operator(&self) -> Result<OperatorSettings, NoChance> {
         // An operator's tool counts no starts.
-        let hello = membership::greeting(Sender::Operator, Boot(0), &self.venue, &[])?;
+        let hello = membership::greeting(OPERATOR, Boot(0), &self.venue, Vec::new())?;
         let places = 1..=self.venue.homes.len();
         Ok(OperatorSettings {
             hello: Hello { is_member: true, ..hello },
@@ -136,7 +136,7 @@ fn settings(path: &Path, venue: &Venue, file: &BusFile) -> Result<BusSettings, C
         let reason = "names no endpoint with a port by which the swarm can be reached".to_owned();
         return Err(CliError::Input { path: path.to_owned(), reason });
     }
-    let access = membership::access(Sender::Operator, venue, file, None);
+    let access = membership::access(OPERATOR, venue, file, None);
     let access = access.map_err(|error| CliError::Usage(error.to_string()))?;
-    Ok(membership::bus_settings(Sender::Operator, venue, file, access))
+    Ok(membership::bus_settings(OPERATOR, venue, file, access))
 }

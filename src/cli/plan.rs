@@ -123,7 +123,7 @@ fn stops(plans: &[Plan]) -> String {
         for stop in &plan.stops {
             let after: Vec<String> =
                 stop.after.iter().map(|(vehicle, id)| format!("{vehicle}:{id}")).collect();
-            let (x_m, y_m) = (stop.at.x_m, stop.at.y_m);
+            let (x_m, y_m) = (stop.at.x_m(), stop.at.y_m());
             let (vehicle, id, dwell_ms) = (plan.vehicle, stop.id, stop.dwell_ms);
             text += &format!("{vehicle},{id},{x_m:.4},{y_m:.4},{dwell_ms},{}\n", after.join(" "));
         }

@@ -2,9 +2,10 @@
 
 use serde_json::{Value, json};
 use tomoswarm_proto::codec::VERSION;
-use tomoswarm_proto::{Report, State, VehicleId};
+use tomoswarm_proto::{PoseReport, Progress, Report, State, StopId, VehicleId};
 
 use super::table::table;
+use crate::geom::Vector;
 use crate::operator::fleet_view::{FleetView, Fresh, VehicleView};
 use crate::operator::names::{kind_name, listed, mode, ordered, phase, troubles};
 use crate::operator::status::Expected;
@@ -57,21 +58,18 @@ fn row(id: VehicleId, seen: &VehicleView, now: Time) -> Vec<String> {
     };
     let said = &state.value;
     let dash = || "-".to_owned();
-    let of_progress = |stop: fn(&tomoswarm_proto::Progress) -> Option<tomoswarm_proto::StopId>| {
-        seen.progress
-            .as_ref()
-            .and_then(|progress| stop(&progress.value))
-            .map_or_else(dash, |stop| stop.to_string())
+    let of_progress = |stop: fn(&Progress) -> Option<StopId>| {
+        let stop = seen.mission.as_ref().and_then(|mission| stop(&mission.value.progress));
+        stop.map_or_else(dash, |stop| stop.to_string())
     };
     let health = seen.health.as_ref().map(|health| &health.value);
-    let pose = said.pose;
     vec![
         id.to_string(),
         said.boot.0.to_string(),
         mode(said.mode).to_owned(),
-        format!("{:.2},{:.2} ± {:.2}", pose.at.x_m, pose.at.y_m, pose.sd_m),
-        format!("{:.2}", said.speed_mps),
-        format!("{:.0} %", said.battery * 100.0),
+        said.pose.map_or_else(dash, place),
+        format!("{:.2}", Vector::from(said.velocity).length_m()),
+        said.battery.map_or_else(dash, |battery| format!("{:.0} %", battery.fraction() * 100.0)),
         format!("{}/{}", said.accepted.0, said.accepted.1),
         of_progress(|progress| progress.done),
         of_progress(|progress| progress.leg),
@@ -83,13 +81,19 @@ fn row(id: VehicleId, seen: &VehicleView, now: Time) -> Vec<String> {
     ]
 }
 
+/// Returns a place with its deviation, as far as that is known.
+fn place(pose: PoseReport) -> String {
+    let sd = pose.sd.metres().map_or_else(|| "?".to_owned(), |sd_m| format!("{sd_m:.2}"));
+    format!("{:.2},{:.2} ± {sd}", pose.at.x_m(), pose.at.y_m())
+}
+
 fn ground_lines(report: &Fresh<Report>, now: Time) -> String {
     let Report { phase: at, run, laps_done, laps, samples, lease, .. } = &report.value;
     let held = match lease.number {
         0 => "no lease".to_owned(),
         number => format!("lease {number} ({:016x})", lease.holder),
     };
-    let standing = report.value.standing.map_or("nothing", kind_name);
+    let standing = report.value.in_force.map_or("nothing", kind_name);
     format!(
         "ground  {}: run {run}, lap {laps_done} of {laps}, {samples} samples, {held}, lost: {}, stands: {standing}, \
          troubles: {} ({:.1} s ago)\n",
@@ -109,7 +113,7 @@ pub fn json(view: &FleetView, expected: &Expected, now: Time) -> Value {
             "vehicle": id,
             "age_s": seen.state.as_ref().map(|state| state.age(now).as_secs_f64()),
             "state": seen.state.as_ref().map(|state: &Fresh<State>| &state.value),
-            "progress": seen.progress.as_ref().map(|progress| &progress.value),
+            "mission": seen.mission.as_ref().map(|mission| &mission.value),
             "health": seen.health.as_ref().map(|health| &health.value),
             "hello": seen.hello.as_ref().map(|hello| &hello.value),
         })
@@ -134,9 +138,7 @@ pub fn json(view: &FleetView, expected: &Expected, now: Time) -> Value {
 mod tests {
     use super::*;
     use crate::operator::tests_support::{Rover, at, heard, report, state};
-    use tomoswarm_proto::{
-        Health, Lease, Message, Mode, OrderKind, Progress, Report, Revision, RunId, StationPhase, StopId,
-    };
+    use tomoswarm_proto::{Health, Lease, Message, Mission, Mode, OrderKind, Revision, RunId, StationPhase};
 
     fn view(messages: Vec<Message>) -> FleetView {
         let mut view = FleetView::default();
@@ -152,13 +154,9 @@ mod tests {
     fn a_vehicle_is_one_line_with_all_that_it_said() {
         let mut driving = Rover::ordered(1, Lease { number: 4, holder: 9 }, 7, OrderKind::Start).state;
         (driving.mode, driving.accepted) = (Mode::Driving, (RunId(6), Revision(2)));
-        let progress = Progress {
-            vehicle: VehicleId(1),
-            boot: driving.boot,
-            done: Some(StopId(12)),
-            leg: Some(StopId(13)),
-            ..Progress::default()
-        };
+        let progress = Progress { done: Some(StopId(12)), leg: Some(StopId(13)), ..Progress::default() };
+        let (vehicle, boot) = (VehicleId(1), driving.boot);
+        let mission = Mission { vehicle, boot, progress, ..Mission::default() };
         let health = Health {
             vehicle: VehicleId(1),
             boot: driving.boot,
@@ -167,7 +165,7 @@ mod tests {
             troubles: vec!["disk: full".to_owned()],
             ..Health::default()
         };
-        let view = view(vec![Message::State(driving), Message::Progress(progress), Message::Health(health)]);
+        let view = view(vec![Message::State(driving), Message::Mission(mission), Message::Health(health)]);
         let text = text(&view, &expected(&[]), at(1.3), None);
         let line = text.lines().nth(1).unwrap();
         let words: Vec<&str> = line.split_whitespace().collect();
@@ -188,7 +186,7 @@ mod tests {
             laps: 5,
             samples: 900,
             lost: vec![VehicleId(3)],
-            standing: Some(OrderKind::Hold),
+            in_force: Some(OrderKind::Hold),
             ..report()
         };
         let text = text(&view(vec![Message::Report(said)]), &expected(&[]), at(1.0), None);
@@ -201,7 +199,7 @@ mod tests {
     fn as_json_every_field_of_the_messages_is_there() {
         let value = json(&view(vec![Message::State(state(1))]), &expected(&[2]), at(1.5));
         assert_eq!(value["all_heard"], false);
-        assert_eq!(value["vehicles"][0]["state"]["pose"]["sd_m"], 0.05);
+        assert_eq!(value["vehicles"][0]["state"]["pose"]["sd"], 50);
         assert_eq!(value["vehicles"][0]["age_s"], 0.5);
         assert_eq!(value["vehicles"][1]["state"], Value::Null);
     }

@@ -11,7 +11,7 @@ use super::answer::{Answer, complain};
 use super::error::CliError;
 use super::operator::{OperatorContext, fault, seconds};
 use super::stop::Stop;
-use crate::run::tap::{KINDS, Tapping};
+use crate::run::tap::{Tapping, kinds};
 use crate::time::Time;
 
 /// Between two looks at whether the command shall end.
@@ -28,7 +28,7 @@ pub struct TapArgs {
     #[arg(value_name = "CONFIG")]
     pub config: PathBuf,
     /// Only this kind; may be given again
-    #[arg(long = "kind", value_name = "K", value_parser = PossibleValuesParser::new(KINDS))]
+    #[arg(long = "kind", value_name = "K", value_parser = PossibleValuesParser::new(kinds()))]
     pub kinds: Vec<String>,
     /// Only from or for this vehicle; may be given again
     #[arg(long = "vehicle", value_name = "N", value_parser = clap::value_parser!(u8).range(1..=250))]

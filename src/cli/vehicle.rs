@@ -138,9 +138,14 @@ fn line(status: &Status) {
     let place = match &status.state {
         None => "the autopilot is silent".to_owned(),
         Some(state) => {
-            let at = state.pose.at;
             let mode = format!("{:?}", state.mode).to_lowercase();
-            format!("{mode} at {:.1}, {:.1} m, battery {:.0} %", at.x_m, at.y_m, state.battery * 100.0)
+            let place = state.pose.map_or("somewhere".to_owned(), |pose| {
+                format!("at {:.1}, {:.1} m", pose.at.x_m(), pose.at.y_m())
+            });
+            let charge = state
+                .battery
+                .map_or("not known".to_owned(), |battery| format!("{:.0} %", battery.fraction() * 100.0));
+            format!("{mode} {place}, battery {charge}")
         }
     };
     let bus = if status.is_member { "on the bus" } else { "asks to join the bus" };

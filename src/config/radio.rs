@@ -263,7 +263,7 @@ impl Form for Sides<'_> {
         let node = |node: &Sender| match node {
             Sender::Vehicle(id) => id.to_string(),
             Sender::Ground => "\"ground\"".to_owned(),
-            Sender::Operator => "\"operator\"".to_owned(),
+            Sender::Operator(_) => "\"operator\"".to_owned(),
         };
         Some(written_list(self.sides.iter().map(|side| written_list(side.iter().map(node)))))
     }

@@ -1,15 +1,15 @@
-//! What a node still has to send: kept by class and subject while the budget is spent, so that a slow link never delays what
+//! What a node still has to send: kept by class and topic while the budget is spent, so that a slow link never delays what
 //! is urgent, and old news gives way to new. Pure: it is told the time, and sends nothing itself.
 //!
-//! Urgent frames go at once, whatever was sent before. Of the others the higher class goes first; of one subject only
+//! Urgent frames go at once, whatever was sent before. Of the others the higher class goes first; of one topic only
 //! the newest is kept.
 
 use std::collections::{BTreeMap, VecDeque};
 
-use tomoswarm_proto::Message;
 use tomoswarm_proto::codec::{EncodeError, encode};
+use tomoswarm_proto::{Message, Topic};
 
-use super::table::{Class, Subject};
+use super::table::{Class, row};
 use super::token_bucket::TokenBucket;
 use crate::time::Time;
 
@@ -23,9 +23,9 @@ const BATCHES: usize = 2;
 pub struct OutboundFrame {
     /// How much it presses.
     pub class: Class,
-    /// What it is about: with the sender, the key under which it is published.
-    pub subject: Subject,
-    /// Whether a later frame of its subject takes its place.
+    /// Of which kind and what about: with the sender, the key under which it is published.
+    pub topic: Topic,
+    /// Whether a later frame of its topic takes its place.
     pub is_replaced: bool,
     /// The frame.
     pub frame: Vec<u8>,
@@ -37,9 +37,9 @@ impl OutboundFrame {
     /// # Errors
     /// It is too long for a frame.
     pub fn of(message: &Message) -> Result<OutboundFrame, EncodeError> {
-        let (frame, subject) = (encode(message)?, Subject::of(message));
-        let row = subject.kind.row();
-        Ok(OutboundFrame { class: row.class, subject, is_replaced: row.is_replaced, frame })
+        let (frame, topic) = (encode(message)?, Topic::of(message));
+        let row = row(topic.kind);
+        Ok(OutboundFrame { class: row.class, topic, is_replaced: row.is_replaced, frame })
     }
 }
 
@@ -103,7 +103,7 @@ impl Egress {
             return;
         }
         self.bytes += offered.frame.len();
-        let older = |known: &&mut OutboundFrame| known.is_replaced && known.subject == offered.subject;
+        let older = |known: &&mut OutboundFrame| known.is_replaced && known.topic == offered.topic;
         match waiting.iter_mut().find(older) {
             Some(known) => {
                 self.bytes -= known.frame.len();
@@ -125,15 +125,14 @@ impl Egress {
 
 #[cfg(test)]
 mod tests {
-    use super::super::table::{About, Kind};
     use super::*;
-    use tomoswarm_proto::{LayerId, TileAddress, VehicleId};
+    use tomoswarm_proto::{About, Kind, LayerId, TileAddress, VehicleId};
 
-    /// The names of subjects below, apart from tiles.
+    /// The names of topics below, apart from tiles.
     const NAMES: [&str; 6] = ["first", "second", "order", "state", "samples", "tile"];
 
-    /// Returns a subject of its own for every name; `tile/7` is a tile.
-    fn subject(name: &str) -> Subject {
+    /// Returns a topic of its own for every name; `tile/7` is a tile.
+    fn topic(name: &str) -> Topic {
         let about = match name.strip_prefix("tile/") {
             Some(number) => {
                 let address = TileAddress { x: number.parse().unwrap(), ..TileAddress::default() };
@@ -141,19 +140,21 @@ mod tests {
             }
             None => About::Vehicle(VehicleId(NAMES.iter().position(|known| *known == name).unwrap() as u8)),
         };
-        Subject { kind: Kind::Tile, about }
+        Topic { kind: Kind::Tile, about }
     }
 
-    fn name(subject: Subject) -> String {
-        match subject.about {
+    fn name(topic: Topic) -> String {
+        match topic.about {
             About::Tile(_, address) => format!("tile/{}", address.x),
             About::Vehicle(number) => NAMES[usize::from(number.0)].to_owned(),
-            About::Sender | About::Layer(_) => panic!("{subject:?} has no name here"),
+            About::Whole | About::Layer(_) | About::Run(_) | About::Part(..) => {
+                panic!("{topic:?} has no name here")
+            }
         }
     }
 
     fn frame(class: Class, name: &str, bytes: usize) -> OutboundFrame {
-        OutboundFrame { class, subject: subject(name), is_replaced: true, frame: vec![0; bytes] }
+        OutboundFrame { class, topic: topic(name), is_replaced: true, frame: vec![0; bytes] }
     }
 
     /// An egress whose budget is spent.
@@ -165,7 +166,7 @@ mod tests {
     }
 
     fn all_due(egress: &mut Egress) -> Vec<String> {
-        std::iter::from_fn(|| egress.due(egress.next()?)).map(|frame| name(frame.subject)).collect()
+        std::iter::from_fn(|| egress.due(egress.next()?)).map(|frame| name(frame.topic)).collect()
     }
 
     #[test]
@@ -204,10 +205,7 @@ mod tests {
 
     #[test]
     fn what_others_decide_by_goes_before_samples() {
-        let (vehicle, boot) = (tomoswarm_proto::VehicleId(1), tomoswarm_proto::Boot(1));
-        let batch =
-            tomoswarm_proto::Samples { vehicle, boot, run: tomoswarm_proto::RunId(1), samples: vec![] };
-        let samples = Class::of(&Message::Samples(batch));
+        let samples = Class::of(&Message::Samples(tomoswarm_proto::Samples::default()));
         for message in [
             Message::Report(tomoswarm_proto::Report::default()),
             Message::Have(tomoswarm_proto::Have::default()),

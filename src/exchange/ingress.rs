@@ -6,7 +6,7 @@
 
 use std::collections::BTreeMap;
 
-use tomoswarm_proto::codec::{self, DecodeError, Greeting, LIMIT};
+use tomoswarm_proto::codec::{self, DecodeError, Decoded, Greeting, LIMIT};
 use tomoswarm_proto::{Hello, Message, Sender};
 
 use super::table::may_say;
@@ -24,6 +24,9 @@ pub enum Heard {
     Message(Sender, Message),
     /// A greeting, of whatever version; with the whole Hello when it is of this one.
     Greeting(Greeting, Option<Hello>),
+    /// A message of a kind, by its number, that this version does not know: counted and dropped, and no mistake of its
+    /// sender, who may be newer.
+    Unknown(u8),
 }
 
 /// Why a frame is not heard.
@@ -35,7 +38,7 @@ pub enum Refusal {
     /// Its sender has said too much.
     #[error("its sender says too much")]
     OverShare,
-    /// It is not a message, or an impossible one, or of a kind or version that is not known here.
+    /// It is not a message, or an impossible one, or of a version that is not known here.
     #[error("{reason}")]
     Unreadable {
         /// What the codec found.
@@ -82,6 +85,7 @@ pub struct Ingress {
     taken: u64,
     taken_bytes: u64,
     refused: u64,
+    unknown: u64,
 }
 
 impl Ingress {
@@ -94,6 +98,7 @@ impl Ingress {
             taken: 0,
             taken_bytes: 0,
             refused: 0,
+            unknown: 0,
         }
     }
 
@@ -111,6 +116,11 @@ impl Ingress {
     pub fn accept(&mut self, bytes: usize) {
         self.taken += 1;
         self.taken_bytes += bytes as u64;
+    }
+
+    /// Counts a frame of a kind that is not known here, which is dropped.
+    pub fn drop_unknown(&mut self) {
+        self.unknown += 1;
     }
 
     /// Counts a frame that is refused; returns how many of its sort there were when that is worth a line: at every power of
@@ -131,12 +141,17 @@ impl Ingress {
     pub fn refused(&self) -> u64 {
         self.refused
     }
+
+    /// Returns how many frames were of kinds that are not known here.
+    pub fn unknown(&self) -> u64 {
+        self.unknown
+    }
 }
 
 /// Reads a frame of a sender.
 ///
 /// # Errors
-/// It is no message of this version and no greeting of any, or the sender may not say it.
+/// It is no frame of this version and no greeting of any, or the sender may not say it.
 pub fn read(sender: Sender, frame: &[u8]) -> Result<Heard, Refusal> {
     if frame.len() > LIMIT {
         return Err(Refusal::unreadable(&DecodeError::TooLong { length: frame.len() }));
@@ -144,7 +159,10 @@ pub fn read(sender: Sender, frame: &[u8]) -> Result<Heard, Refusal> {
     if let Ok(greeting) = codec::greeting(frame) {
         return read_greeting(sender, greeting, frame);
     }
-    let message = codec::decode(frame).map_err(|error| Refusal::unreadable(&error))?;
+    let message = match codec::decode(frame).map_err(|error| Refusal::unreadable(&error))? {
+        Decoded::Message(message) => message,
+        Decoded::Unknown(kind) => return Ok(Heard::Unknown(kind)),
+    };
     match may_say(sender, &message) {
         true => Ok(Heard::Message(sender, message)),
         false => Err(Refusal::NotItsToSay { sender }),
@@ -156,11 +174,11 @@ fn read_greeting(sender: Sender, greeting: Greeting, frame: &[u8]) -> Result<Hea
         return Err(Refusal::ForeignGreeting { node: greeting.node });
     }
     match codec::decode(frame) {
-        Ok(Message::Hello(hello)) => Ok(Heard::Greeting(greeting, Some(hello))),
+        Ok(Decoded::Message(Message::Hello(hello))) => Ok(Heard::Greeting(greeting, Some(hello))),
         Err(DecodeError::Version { .. }) => Ok(Heard::Greeting(greeting, None)),
-        Ok(other) => {
-            let reason = format!("a {} that begins as a greeting", other.word());
-            Err(Refusal::Unreadable { reason })
+        // A greeting has the kind of one in every version.
+        Ok(Decoded::Message(_) | Decoded::Unknown(_)) => {
+            Err(Refusal::Unreadable { reason: "another message that begins as a greeting".to_owned() })
         }
         Err(error) => Err(Refusal::unreadable(&error)),
     }

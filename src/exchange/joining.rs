@@ -86,7 +86,7 @@ pub struct Joining {
     greeted: Option<Time>,
     /// Whether somebody is to be answered.
     owes: bool,
-    /// By name: bounded, since names are numbers under 256, the ground and the operator.
+    /// By name: bounded, since names are numbers under 256, of vehicles and of operators, and the ground.
     known: BTreeMap<Sender, Known>,
     /// When nodes of the own name were heard first, by instance.
     twins: BTreeMap<u64, Time>,
@@ -227,7 +227,7 @@ impl Joining {
     /// The newcomer gives way: who asks leaves, who takes part goes on and does not listen.
     fn object(&mut self, now: Time, greeting: &Greeting, hello: Option<&Hello>, misfit: &str) -> Verdict {
         let they_ask = hello.is_some_and(|hello| !hello.is_member);
-        if !self.own.is_member && !they_ask && greeting.node != Sender::Operator {
+        if !self.own.is_member && !they_ask && !matches!(greeting.node, Sender::Operator(_)) {
             return Verdict::Refused(format!("{} has {misfit}", greeting.node));
         }
         let known = self.known.entry(greeting.node).or_default();
@@ -275,8 +275,11 @@ mod tests {
             instance,
             is_member: false,
             member_for_s: 0,
+            name: String::new(),
             software: String::new(),
             capabilities: vec![],
+            lease: None,
+            interest: vec![],
         }
     }
 

@@ -64,6 +64,8 @@ pub struct Counts {
     pub taken_bytes: u64,
     /// Frames refused.
     pub refused: u64,
+    /// Frames of kinds that are not known here, dropped.
+    pub unknown: u64,
     /// Frames dropped before they were sent, because too much waited.
     pub dropped: u64,
 }
@@ -98,8 +100,12 @@ impl Exchange {
         self.ingress.admit(now, sender, bytes)
     }
 
-    /// Takes what a frame of so many bytes says.
+    /// Takes what a frame of so many bytes says; what is of an unknown kind is counted, and nothing else comes of it.
     pub fn accept(&mut self, now: Time, bytes: usize, heard: Heard) -> Reception {
+        if let Heard::Unknown(_) = heard {
+            self.ingress.drop_unknown();
+            return Reception { heard: None, verdict: Verdict::Fine, reply: None };
+        }
         self.ingress.accept(bytes);
         let Judgement { heard, verdict, answer } = self.presence.hear(now, heard);
         let reply = answer.and_then(|hello| self.offer_greeting(now, hello));
@@ -122,7 +128,7 @@ impl Exchange {
 
     /// Takes a frame as [`Exchange::say`] does.
     pub fn offer(&mut self, now: Time, frame: OutboundFrame) -> Option<OutboundFrame> {
-        if !self.presence.may_say(frame.subject.kind) {
+        if !self.presence.may_say(frame.topic.kind) {
             return None;
         }
         self.egress.offer(now, frame)
@@ -169,7 +175,13 @@ impl Exchange {
     /// Returns what was carried so far.
     pub fn counts(&self) -> Counts {
         let (taken, taken_bytes) = self.ingress.taken();
-        Counts { taken, taken_bytes, refused: self.ingress.refused(), dropped: self.egress.dropped() }
+        Counts {
+            taken,
+            taken_bytes,
+            refused: self.ingress.refused(),
+            unknown: self.ingress.unknown(),
+            dropped: self.egress.dropped(),
+        }
     }
 
     /// A greeting always fits into a frame and never waits: it is a few words of the node's own.
@@ -182,4 +194,5 @@ impl Exchange {
 /// One message of every kind, as the wire's own tests have them.
 #[cfg(test)]
 #[path = "../../proto/tests/examples/mod.rs"]
+#[allow(dead_code, reason = "some of them are for the wire's own tests alone")]
 pub(crate) mod examples;

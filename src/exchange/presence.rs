@@ -1,11 +1,10 @@
 //! Whether a node takes part in the bus: who of the others is heard, what may be said, and when it greets. The rules of
 //! joining are [`Joining`]'s; an operator's tool, which joins nothing, listens to everyone.
 
-use tomoswarm_proto::{Hello, Message, OrderKind};
+use tomoswarm_proto::{Hello, Kind, Message};
 
 use super::ingress::Heard;
 use super::joining::{Joining, Verdict};
-use super::table::Kind;
 use crate::time::Time;
 
 /// How a node is present.
@@ -51,6 +50,7 @@ impl Presence {
                 let is_heard = stops_at_once(&message) || joining.listens_to(sender);
                 fine(is_heard.then_some(Heard::Message(sender, message)))
             }
+            Heard::Unknown(_) => fine(None),
             Heard::Greeting(greeting, hello) => {
                 let verdict = joining.hear(now, &greeting, hello.as_ref());
                 let fits = verdict == Verdict::Fine;
@@ -108,8 +108,25 @@ impl Presence {
     }
 }
 
-/// Returns whether a message is an order that must not depend on venue files: what makes everything stop at once. It was
-/// judged like everything else before.
+/// Returns whether a message must not depend on venue files: what makes everything stop at once, by an order or by what
+/// stands. It was judged like everything else before.
 fn stops_at_once(message: &Message) -> bool {
-    matches!(message, Message::Order(order) if order.kind >= OrderKind::Emergency)
+    match message {
+        Message::Order(order) => order.kind.is_emergency(),
+        Message::Standing(_) => true,
+        Message::Hello(_)
+        | Message::State(_)
+        | Message::Tile(_)
+        | Message::Digest(_)
+        | Message::Want(_)
+        | Message::Plan(_)
+        | Message::Mission(_)
+        | Message::Samples(_)
+        | Message::Have(_)
+        | Message::Beacon(_)
+        | Message::Health(_)
+        | Message::Report(_)
+        | Message::Task(_)
+        | Message::Image(_) => false,
+    }
 }

@@ -6,10 +6,10 @@ use std::time::Duration;
 
 use tomoswarm_proto::codec::{VERSION, encode};
 use tomoswarm_proto::{
-    Boot, LayerId, Lease, Order, OrderKind, Progress, Revision, RunId, TileAddress, VehicleId, Want,
+    Boot, EmergencyName, Kind, LayerId, Lease, Mission, OperatorId, Order, OrderKind, Progress, Revision,
+    RunId, SeenState, Standing, TileAddress, Topic, VehicleId, Want,
 };
 
-use super::table::Subject;
 use super::*;
 
 const TWO: Sender = Sender::Vehicle(VehicleId(2));
@@ -56,8 +56,11 @@ impl Swarm {
             instance,
             is_member: false,
             member_for_s: 0,
+            name: String::new(),
             software: String::new(),
             capabilities: vec![],
+            lease: None,
+            interest: vec![],
         };
         let exchange = Exchange::new(BYTES_PER_S, Presence::asking(self.now, own));
         self.nodes.push(Node { name, exchange, heard: vec![], verdicts: vec![] });
@@ -121,7 +124,7 @@ impl Swarm {
             };
             match heard {
                 Some(Heard::Message(_, message)) => node.heard.push(message),
-                Some(Heard::Greeting(..)) => panic!("a node is told messages only"),
+                Some(Heard::Greeting(..) | Heard::Unknown(_)) => panic!("a node is told messages only"),
                 None => {}
             }
             if verdict != Verdict::Fine {
@@ -133,7 +136,8 @@ impl Swarm {
 }
 
 fn progress(vehicle: u8, run: u32) -> Message {
-    Message::Progress(Progress { vehicle: VehicleId(vehicle), run: RunId(run), ..Progress::default() })
+    let progress = Progress { run: RunId(run), ..Progress::default() };
+    Message::Mission(Mission { vehicle: VehicleId(vehicle), progress, ..Mission::default() })
 }
 
 fn order(kind: OrderKind) -> Message {
@@ -142,8 +146,9 @@ fn order(kind: OrderKind) -> Message {
         lease: Lease { number: 1, holder: 1 },
         run: RunId(1),
         revision: Revision(1),
-        seen_state: 1,
+        seen: Some(SeenState { boot: Boot(1), sequence: 1 }),
         kind,
+        ends: vec![],
     })
 }
 
@@ -269,7 +274,7 @@ fn when_the_budget_is_spent_orders_go_at_once_and_of_states_the_newest_goes_late
     assert!(at_once(&order(OrderKind::Hold)));
     assert!(!at_once(&progress(2, 1_000_000)));
     let newest = OutboundFrame::of(&progress(2, 1_000_000)).unwrap();
-    assert_eq!(newest.subject, Subject::of(&progress(2, 0)));
+    assert_eq!(newest.topic, Topic::of(&progress(2, 0)));
     assert!(exchange.due(Time::ZERO).is_empty());
     let at = exchange.deadline().unwrap();
     assert!(at > Time::ZERO);
@@ -304,6 +309,46 @@ fn a_listener_hears_everyone_and_greetings_of_every_version() {
     assert_eq!(listener.hear(Time::ZERO, THREE, &frame), Err(Refusal::ForeignGreeting { node: TWO }));
     assert_eq!(
         listener.counts(),
-        Counts { taken: 2, taken_bytes: 2 * frame.len() as u64, refused: 1, dropped: 0 }
+        Counts { taken: 2, taken_bytes: 2 * frame.len() as u64, refused: 1, unknown: 0, dropped: 0 }
     );
+}
+
+#[test]
+fn a_message_of_an_unknown_kind_is_counted_and_nothing_else_comes_of_it() {
+    let mut swarm = Swarm::default();
+    let (two, three) = (swarm.join(TWO, 1, VENUE), swarm.join(THREE, 2, VENUE));
+    swarm.run(seconds(3.0));
+    let heard = swarm.nodes[two].heard.len();
+    let verdicts = swarm.nodes[two].verdicts.len();
+    for kind in [Kind::ALL.len() as u8, u8::MAX] {
+        let mut frame = encode(&progress(3, 1)).unwrap();
+        frame[3] = kind;
+        frame.extend(b"whatever it says");
+        swarm.put(three, frame);
+    }
+    swarm.deliver_all();
+    let node = &swarm.nodes[two];
+    let Counts { refused, unknown, .. } = node.exchange.counts();
+    assert_eq!((refused, unknown, node.heard.len()), (0, 2, heard));
+    assert_eq!(node.verdicts.len(), verdicts, "it is no objection");
+    swarm.say(three, &progress(3, 2));
+    swarm.run(seconds(0.1));
+    assert!(swarm.nodes[two].has_heard(&progress(3, 2)), "its sender is listened to as before");
+    assert!(swarm.present().contains(&three));
+}
+
+#[test]
+fn what_stands_is_heard_whatever_the_venue_and_a_task_is_not() {
+    let mut swarm = Swarm::default();
+    let two = swarm.join(TWO, 1, VENUE);
+    swarm.run(seconds(3.0));
+    let operator = swarm.join(Sender::Operator(OperatorId(7)), 9, VENUE + 1);
+    swarm.run(seconds(1.0));
+    let standing = Message::Standing(Standing { open: vec![], lifted: vec![EmergencyName(5)] });
+    let (_, task) = examples::examples().into_iter().find(|(word, _)| *word == "task").unwrap();
+    for message in [&standing, &task] {
+        swarm.put(operator, encode(message).unwrap());
+    }
+    swarm.run(seconds(0.1));
+    assert_eq!(swarm.nodes[two].heard, [standing]);
 }

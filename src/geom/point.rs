@@ -3,7 +3,7 @@
 use std::ops::{Add, AddAssign, Mul, Neg, Sub};
 
 use serde::{Deserialize, Serialize};
-use tomoswarm_proto::Position;
+use tomoswarm_proto::{Position, Velocity};
 
 use super::Angle;
 
@@ -152,13 +152,28 @@ impl Mul<f64> for Vector {
 
 impl From<Position> for Point {
     fn from(position: Position) -> Point {
-        Point::new(position.x_m, position.y_m)
+        Point::new(position.x_m(), position.y_m())
     }
 }
 
 impl From<Point> for Position {
+    /// Rounds to millimetres, on the ground.
     fn from(point: Point) -> Position {
-        Position { x_m: point.x_m, y_m: point.y_m, z_m: 0.0 }
+        Position::from_metres(point.x_m, point.y_m, 0.0)
+    }
+}
+
+impl From<Velocity> for Vector {
+    /// Returns the displacement within a second, in the plane.
+    fn from(velocity: Velocity) -> Vector {
+        Vector::new(velocity.x_mps(), velocity.y_mps())
+    }
+}
+
+impl From<Vector> for Velocity {
+    /// Takes a displacement within a second, and rounds it to millimetres a second.
+    fn from(per_second: Vector) -> Velocity {
+        Velocity::from_metres_per_second(per_second.x_m, per_second.y_m, 0.0)
     }
 }
 
@@ -178,5 +193,16 @@ mod tests {
         let east = Vector::new(1.0, 0.0);
         assert_eq!(east.left(), Vector::new(-0.0, 1.0));
         assert!(east.cross(east.left()) > 0.0);
+    }
+
+    #[test]
+    fn places_and_velocities_travel_in_whole_millimetres() {
+        let at = Point::new(1.23449, -2.0005);
+        let position = Position::from(at);
+        assert_eq!((position.x_mm, position.y_mm, position.z_mm), (1234, -2001, 0));
+        assert!(Point::from(position).distance_to(at) < 1e-3);
+        let velocity = Velocity::from(Vector::polar(Angle::from_degrees(90.0), 0.5));
+        assert_eq!((velocity.x_mmps, velocity.y_mmps, velocity.z_mmps), (0, 500, 0));
+        assert!((Vector::from(velocity).length_m() - 0.5).abs() < 1e-9);
     }
 }

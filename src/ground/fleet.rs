@@ -10,13 +10,14 @@ use std::collections::BTreeMap;
 use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
-use tomoswarm_proto::{Boot, Lease, Order, OrderKind, Ordered, Progress, Revision, RunId, State, VehicleId};
+use tomoswarm_proto::{Boot, Lease, Order, OrderKind, Ordered, Revision, RunId, SeenState, State, VehicleId};
 
-use crate::sweep::LOWER_BOOT_AFTER;
+use crate::geom::Point;
+use crate::sweep::{LOWER_BOOT_AFTER, VehicleProgress};
 use crate::time::Time;
 
 /// What must not be forgotten of a vehicle when the ground station starts anew.
-#[derive(Clone, Copy, PartialEq, Debug, Default, Serialize, Deserialize)]
+#[derive(Clone, PartialEq, Debug, Default, Serialize, Deserialize)]
 pub struct Dealings {
     /// Newest start of its software that was heard.
     pub boot: Option<Boot>,
@@ -40,7 +41,7 @@ pub struct Member {
     /// Its newest state, and when it came.
     pub state: Option<(Time, State)>,
     /// Its newest progress.
-    pub progress: Option<Progress>,
+    pub progress: Option<VehicleProgress>,
     /// When it last said its state. Progress alone is no sign of life: it comes on when the autopilot is silent.
     pub heard_at: Option<Time>,
     /// What was dealt with it.
@@ -77,7 +78,7 @@ impl Fleet {
     pub fn recall(&mut self, dealings: &[(VehicleId, Dealings)]) {
         for (vehicle, known) in dealings {
             if let Some(member) = self.members.get_mut(vehicle) {
-                member.dealings = *known;
+                member.dealings = known.clone();
             }
         }
     }
@@ -89,7 +90,7 @@ impl Fleet {
 
     /// Gives what was dealt with each vehicle, ascending.
     pub fn dealings(&self) -> Vec<(VehicleId, Dealings)> {
-        self.members().map(|(id, member)| (id, member.dealings)).collect()
+        self.members().map(|(id, member)| (id, member.dealings.clone())).collect()
     }
 
     /// Tells whether a vehicle is one of the fleet.
@@ -144,13 +145,13 @@ impl Fleet {
     }
 
     /// Takes a progress; one of an older start of the software, or a lower revision of the same run, changes nothing.
-    pub fn heard_progress(&mut self, progress: Progress) -> Shown {
+    pub fn heard_progress(&mut self, progress: VehicleProgress) -> Shown {
         let Some(member) = self.members.get_mut(&progress.vehicle) else { return Shown::default() };
         if member.dealings.boot.is_some_and(|boot| progress.boot < boot) {
             return Shown::default();
         }
         let mut shown = member.hear(progress.boot);
-        let key = |progress: &Progress| (progress.run, progress.revision, progress.done);
+        let key = |progress: &VehicleProgress| (progress.run, progress.revision, progress.done);
         let before = member.progress.as_ref().map(key);
         if before <= Some(key(&progress)) {
             member.progress = Some(progress);
@@ -160,20 +161,20 @@ impl Fleet {
     }
 
     /// Tells whether a progress was said by the newest start of a vehicle's software.
-    pub fn is_current(&self, progress: &Progress) -> bool {
+    pub fn is_current(&self, progress: &VehicleProgress) -> bool {
         let known = self.members.get(&progress.vehicle).and_then(|member| member.dealings.boot);
         known.is_none_or(|boot| boot <= progress.boot)
     }
 
-    /// Gives the number of the newest state heard from a vehicle; 0 = none.
-    pub fn newest_state(&self, vehicle: VehicleId) -> u64 {
-        let state = self.members.get(&vehicle).and_then(|member| member.state.as_ref());
-        state.map_or(0, |(_, state)| state.sequence)
+    /// Returns the newest state heard from a vehicle, as plans and orders name it; `None` = it was not heard.
+    pub fn newest_state(&self, vehicle: VehicleId) -> Option<SeenState> {
+        let (_, state) = self.members.get(&vehicle)?.state.as_ref()?;
+        Some(SeenState { boot: state.boot, sequence: state.sequence })
     }
 
     /// Tells whether it is known where every vehicle is that is not lost.
     pub fn are_placed(&self) -> bool {
-        self.members.values().all(|member| member.dealings.is_lost || member.state.is_some())
+        self.members.values().all(|member| member.dealings.is_lost || member.place().is_some())
     }
 
     /// Gives the highest revision of a run that any vehicle shows, so that a new ground begins above it.
@@ -194,7 +195,7 @@ impl Fleet {
     /// Gives what stands for any vehicle that is not lost: ordered by anyone and not ended by a Start; the strongest.
     pub fn standing(&self) -> Option<OrderKind> {
         let present = self.members.values().filter(|member| !member.dealings.is_lost);
-        present.filter_map(|member| member.dealings.stands).max()
+        present.filter_map(|member| member.dealings.stands).reduce(OrderKind::stronger)
     }
 
     /// Orders by this right from now on; what is still to be repeated too.
@@ -227,8 +228,9 @@ impl Fleet {
     pub fn open_orders(&self) -> Vec<Order> {
         let order = |member: &Member| {
             let (_, state) = member.state.as_ref()?;
-            let order = member.dealings.issued.filter(|_| member.dealings.is_pending)?;
-            Some(Order { seen_state: state.sequence, ..order })
+            let order = member.dealings.issued.as_ref().filter(|_| member.dealings.is_pending)?;
+            let seen = SeenState { boot: state.boot, sequence: state.sequence };
+            Some(Order { seen: Some(seen), ..order.clone() })
         };
         self.members.values().filter_map(order).collect()
     }
@@ -270,6 +272,12 @@ impl Fleet {
 }
 
 impl Member {
+    /// Returns where it is; `None` when it was not heard, or does not know.
+    pub fn place(&self) -> Option<Point> {
+        let (_, state) = self.state.as_ref()?;
+        state.pose.map(|pose| pose.at.into())
+    }
+
     /// Returns whether a lower count of starts is believed: it has been silent for so long that its disk is a new one.
     fn counts_anew(&self, now: Time, boot: Boot) -> bool {
         let is_lower = self.dealings.boot.is_some_and(|known| boot < known);
@@ -286,15 +294,17 @@ impl Member {
 impl Dealings {
     fn order(&mut self, vehicle: VehicleId, lease: Lease, run: RunId, kind: OrderKind) {
         let obeyed = self.echo.map_or(Revision(0), |echo| echo.revision);
-        let pending = self.issued.filter(|_| self.is_pending).map_or(Revision(0), |order| order.revision);
+        let pending = self.issued.as_ref().filter(|_| self.is_pending);
+        let pending = pending.map_or(Revision(0), |order| order.revision);
         let revision = Revision(obeyed.max(pending).0.saturating_add(1));
-        self.issued = Some(Order { vehicle, lease, run, revision, seen_state: 0, kind });
+        self.issued = Some(Order { vehicle, lease, run, revision, seen: None, kind, ends: Vec::new() });
         self.is_pending = true;
         self.stand(kind);
     }
 
     fn stand(&mut self, kind: OrderKind) {
-        self.stands = if kind == OrderKind::Start { None } else { self.stands.max(Some(kind)) };
+        let strongest = self.stands.into_iter().chain([kind]).reduce(OrderKind::stronger);
+        self.stands = strongest.filter(|_| kind != OrderKind::Start);
     }
 
     /// Takes what a vehicle says it was ordered; gives the run that somebody else has started it for. Of what was
@@ -306,10 +316,11 @@ impl Dealings {
         let of = |order: &Order| (order.lease, order.revision);
         let is_own = self
             .issued
-            .is_some_and(|order| of(&order) == echo.edition() && (order.kind, order.run) == (kind, echo.run));
+            .as_ref()
+            .is_some_and(|order| of(order) == echo.edition() && (order.kind, order.run) == (kind, echo.run));
         // What somebody has stopped meanwhile is not started again by what was ordered before.
-        let is_beaten = self.issued.is_some_and(|order| {
-            echo.edition() >= of(&order) || (kind > order.kind && order.kind == OrderKind::Start)
+        let is_beaten = self.issued.as_ref().is_some_and(|order| {
+            echo.edition() >= of(order) || (kind != OrderKind::Start && order.kind == OrderKind::Start)
         });
         self.is_pending = self.is_pending && !is_beaten;
         if is_own {
@@ -336,7 +347,7 @@ impl Dealings {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use tomoswarm_proto::Mode;
+    use tomoswarm_proto::{Mode, Permille};
 
     const ONE: VehicleId = VehicleId(1);
     const LEASE: Lease = Lease { number: 1, holder: 9 };
@@ -346,13 +357,14 @@ mod tests {
             vehicle: ONE,
             boot: Boot(1),
             sequence,
-            pose: Default::default(),
-            speed_mps: 0.0,
+            pose: Some(Default::default()),
+            is_at_rest: true,
             mode: Mode::Idle,
-            battery: 1.0,
+            battery: Some(Permille::WHOLE),
             leg: None,
             accepted: Default::default(),
             ordered: Ordered { lease: LEASE, revision: Revision(revision), run: RunId(1), kind },
+            ..State::default()
         }
     }
 
@@ -366,7 +378,7 @@ mod tests {
         heard(&mut fleet, 5, 3, OrderKind::Start);
         fleet.order_all(RunId(1), OrderKind::Start);
         assert_eq!(fleet.open_orders()[0].revision, Revision(4));
-        assert_eq!(fleet.open_orders()[0].seen_state, 5);
+        assert_eq!(fleet.open_orders()[0].seen, Some(SeenState { boot: Boot(1), sequence: 5 }));
         heard(&mut fleet, 6, 3, OrderKind::Start);
         assert_eq!(fleet.open_orders().len(), 1);
         heard(&mut fleet, 7, 4, OrderKind::Start);
@@ -450,10 +462,11 @@ mod tests {
         let mut fleet = Fleet::new(&[ONE], LEASE);
         assert!(!fleet.heard_state(Time::ZERO, state(100, 0, None)).restarted);
         assert!(fleet.heard_state(Time::ZERO, State { boot: Boot(2), ..state(1, 0, None) }).restarted);
-        let old = Progress { vehicle: ONE, boot: Boot(1), run: RunId(1), ..Progress::default() };
+        let old =
+            VehicleProgress { vehicle: ONE, boot: Boot(1), run: RunId(1), ..VehicleProgress::default() };
         assert_eq!(fleet.heard_progress(old), Shown::default());
-        assert!(fleet.heard_progress(Progress { boot: Boot(2), ..old }).got_on);
-        assert!(fleet.heard_progress(Progress { boot: Boot(3), ..old }).restarted);
+        assert!(fleet.heard_progress(VehicleProgress { boot: Boot(2), ..old }).got_on);
+        assert!(fleet.heard_progress(VehicleProgress { boot: Boot(3), ..old }).restarted);
     }
 
     #[test]
@@ -463,7 +476,8 @@ mod tests {
         let state_of = |boot: u32, sequence: u64| State { boot: Boot(boot), ..state(sequence, 0, None) };
         fleet.heard_state(at(0), state_of(9, 100));
         assert_eq!(fleet.heard_state(at(30), state_of(1, 7)), Shown::default(), "30 s are not long enough");
-        let progress = Progress { vehicle: ONE, boot: Boot(1), run: RunId(1), ..Progress::default() };
+        let progress =
+            VehicleProgress { vehicle: ONE, boot: Boot(1), run: RunId(1), ..VehicleProgress::default() };
         assert!(!fleet.is_current(&progress));
         assert!(fleet.heard_state(at(31), state_of(1, 8)).restarted);
         assert!(fleet.is_current(&progress) && fleet.heard_progress(progress).got_on);
@@ -479,7 +493,11 @@ mod tests {
         fleet.heard_state(at(0), state(1, 0, None));
         for second in 0..40 {
             fleet.heard_state(at(second), State { vehicle: two, ..state(second + 1, 0, None) });
-            fleet.heard_progress(Progress { vehicle: ONE, boot: Boot(1), ..Progress::default() });
+            fleet.heard_progress(VehicleProgress {
+                vehicle: ONE,
+                boot: Boot(1),
+                ..VehicleProgress::default()
+            });
             let lost = fleet.lose(at(second), after, others);
             assert_eq!(lost, if second == 31 { vec![ONE] } else { vec![] }, "{second}");
         }

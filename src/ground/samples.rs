@@ -172,7 +172,7 @@ mod tests {
             transmitter: VehicleId(1),
             transmitter_pose: Default::default(),
             receiver_pose: tomoswarm_proto::PoseReport {
-                at: tomoswarm_proto::Position { x_m: 9.0, y_m: 0.0, z_m: 0.0 },
+                at: tomoswarm_proto::Position::from_metres(9.0, 0.0, 0.0),
                 ..Default::default()
             },
             channel: 11,
@@ -180,7 +180,7 @@ mod tests {
             rssi_dbm: Some(-60),
         };
         let samples = sequences.iter().map(sample).collect();
-        Samples { vehicle: VehicleId(2), boot: Boot(1), run: RunId(1), samples }
+        Samples { vehicle: VehicleId(2), boot: Boot(1), run: RunId(1), samples, lost: vec![] }
     }
 
     fn below(store: &SampleStore) -> u64 {
@@ -240,8 +240,8 @@ mod tests {
             for sequence in order {
                 let mut one = batch(&[*sequence]);
                 let share = *sequence as f64 / 7.0;
-                one.samples[0].transmitter_pose.at.x_m = share.fract() * 0.3;
-                one.samples[0].receiver_pose.at.y_m = (share * 3.3).fract() * 0.3;
+                one.samples[0].transmitter_pose.at = Point::new(share.fract() * 0.3, 0.0).into();
+                one.samples[0].receiver_pose.at = Point::new(9.0, (share * 3.3).fract() * 0.3).into();
                 one.samples[0].rssi_dbm = Some(-60 - (*sequence % 7) as i16);
                 store.take(&one);
             }

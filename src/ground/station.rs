@@ -38,7 +38,7 @@ use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
 use tomoswarm_proto::{
-    Boot, Lease, Message, OrderKind, Progress, RunId, Samples, State, StopId, TileReport, VehicleId,
+    Boot, Lease, Message, OrderKind, RunId, Samples, State, StopId, TileReport, VehicleId,
 };
 
 use self::leases::{Change, Leases};
@@ -49,7 +49,7 @@ use super::fleet::Fleet;
 use super::samples::SampleStore;
 use crate::actor::{Actor, Fault};
 use crate::map::{Merged, Repair};
-use crate::sweep::Succession;
+use crate::sweep::{Succession, VehicleProgress};
 use crate::time::{Deadline, Time};
 
 /// Everything is looked at and repeated this often.
@@ -210,7 +210,7 @@ impl Station {
     fn hear(&mut self, now: Time, message: Message, out: &mut Vec<Out>) {
         match message {
             Message::State(state) => self.hear_state(now, state, out),
-            Message::Progress(progress) => self.hear_progress(now, progress, out),
+            Message::Mission(mission) => self.hear_progress(now, (&mission).into(), out),
             Message::Samples(batch) => self.store(&batch),
             Message::Tile(report) => self.join(now, &report),
             Message::Digest(digest) => self.repair.hear_digest(now, &self.map, &digest),
@@ -226,12 +226,16 @@ impl Station {
                 let change = self.leases.heard(now, plan.lease);
                 self.lease_changed(now, change, out);
             }
-            // What an operator orders shows in State; the rest is said by grounds, or the bus's and the radio's business.
+            // What an operator orders shows in State; the rest is said by grounds, or the bus's and the radio's
+            // business. Nothing is done yet about open stops and tasks.
             Message::Order(_)
             | Message::Have(_)
             | Message::Hello(_)
             | Message::Health(_)
-            | Message::Beacon(_) => {}
+            | Message::Beacon(_)
+            | Message::Standing(_)
+            | Message::Task(_)
+            | Message::Image(_) => {}
         }
     }
 
@@ -250,7 +254,7 @@ impl Station {
         self.look_after_standing(now, out);
     }
 
-    fn hear_progress(&mut self, now: Time, progress: Progress, out: &mut Vec<Out>) {
+    fn hear_progress(&mut self, now: Time, progress: VehicleProgress, out: &mut Vec<Out>) {
         if !self.knows(progress.vehicle) {
             return;
         }
@@ -308,7 +312,7 @@ impl Station {
                     | OrderKind::Land
                     | OrderKind::Emergency
                     | OrderKind::CutMotors => {
-                        self.standing = self.standing.max(Some(kind));
+                        self.stands_now(Some(kind));
                     }
                 }
             }
@@ -332,8 +336,13 @@ impl Station {
         let stands = self.fleet.standing();
         match self.standing {
             Some(_) if stands.is_none() => self.go_on(now, out),
-            Some(_) | None => self.standing = self.standing.max(stands),
+            Some(_) | None => self.stands_now(stands),
         }
+    }
+
+    /// What is ordered stands, if it is stronger than what does already.
+    fn stands_now(&mut self, kind: Option<OrderKind>) {
+        self.standing = self.standing.into_iter().chain(kind).reduce(OrderKind::stronger);
     }
 
     fn run(&self) -> RunId {
@@ -343,12 +352,8 @@ impl Station {
     fn publish_plans(&mut self, now: Time, out: &mut Vec<Out>) {
         let lease = self.leases.own();
         for plan in self.succession.iter().flat_map(Succession::plans) {
-            let seen_state = self.fleet.newest_state(plan.vehicle);
-            out.push(Out::Publish(Message::Plan(tomoswarm_proto::Plan {
-                lease,
-                seen_state,
-                ..plan.clone()
-            })));
+            let seen = self.fleet.newest_state(plan.vehicle);
+            out.push(Out::Publish(Message::Plan(tomoswarm_proto::Plan { lease, seen, ..plan.clone() })));
         }
         self.plans_at = now;
     }

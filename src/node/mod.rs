@@ -9,6 +9,7 @@ mod from_config;
 pub mod map;
 pub mod mission;
 pub mod outbox;
+mod own_state;
 mod peers;
 mod place;
 pub mod radio;
@@ -22,6 +23,7 @@ pub mod vehicle;
 mod vehicle_node;
 pub mod wiring;
 
+pub use own_state::OwnState;
 pub use route::{Effect, Event};
 pub use settings::{BodySettings, LookSettings, RadioSettings, Settings, Task};
 pub use vehicle_node::VehicleNode;

@@ -325,7 +325,7 @@ impl Outbox {
             samples.push(sample);
             self.sent.insert(place, Sent { sample, due: now + REPEAT_AFTER, repeats: 0 });
         }
-        Some(Samples { vehicle: self.vehicle, boot, run, samples })
+        Some(Samples { vehicle: self.vehicle, boot, run, samples, lost: Vec::new() })
     }
 
     /// Gives batches of what is due again, at most so many.
@@ -339,7 +339,7 @@ impl Outbox {
                 if batches.len() == most {
                     break;
                 }
-                batches.push(Samples { vehicle: self.vehicle, boot, run, samples: Vec::new() });
+                batches.push(Samples { vehicle: self.vehicle, boot, run, ..Samples::default() });
             }
             let Some(batch) = batches.last_mut() else { break };
             batch.samples.push(sent.sample);

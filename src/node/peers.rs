@@ -101,7 +101,9 @@ impl Peers {
         }
         let resting = state.leg.is_none() && !matches!(state.mode, Mode::Driving | Mode::Turning);
         let moved_at = known.filter(|_| resting).map_or(now, |known| known.moved_at);
-        let pose = Pose::from(state.pose);
+        let Some(pose) = state.pose.map(Pose::from) else {
+            return self.take_without_place(now, state, resting);
+        };
         let leg = state.leg.iter().flat_map(|leg| leg.route.iter().map(|corner| Point::from(*corner)));
         let peer = Peer {
             edition: edition(state),
@@ -118,13 +120,25 @@ impl Peers {
         self.newest.insert(state.vehicle, peer);
     }
 
+    /// Takes a state that tells no place: what was known of the place stays, and who was never placed is not known.
+    fn take_without_place(&mut self, now: Time, state: &State, resting: bool) {
+        let Some(peer) = self.newest.get_mut(&state.vehicle) else { return };
+        (peer.edition, peer.state_at, peer.heard_at) = (edition(state), Some(now), now);
+        peer.resting = resting;
+        if !resting {
+            peer.moved_at = now;
+        }
+    }
+
     /// Takes what a beacon tells; the own one, and one of an earlier start of its sender, changes nothing.
     pub fn sight(&mut self, now: Time, sighting: &Sighting) {
-        let (vehicle, boot) = (sighting.progress.vehicle, sighting.boot);
+        let (vehicle, boot) = (sighting.progress.vehicle, sighting.progress.boot);
         if vehicle == self.own {
             return;
         }
-        let pose = Pose::from(sighting.pose);
+        let Some(pose) = sighting.pose.map(Pose::from) else {
+            return self.sight_without_place(now, vehicle, boot);
+        };
         let unknown = Peer {
             edition: (boot, 0),
             state_at: None,
@@ -147,6 +161,14 @@ impl Peers {
         peer.heard_at = now;
         if peer.state_at.is_none_or(|at| now.since(at) > STATE_COUNTS) {
             peer.place(now, pose);
+        }
+    }
+
+    /// Takes a beacon that tells no place: its sender is heard, and what was known of its place stays.
+    fn sight_without_place(&mut self, now: Time, vehicle: VehicleId, boot: Boot) {
+        let known = self.newest.get_mut(&vehicle).filter(|peer| peer.edition.0 == boot);
+        if let Some(peer) = known {
+            peer.heard_at = now;
         }
     }
 
@@ -187,18 +209,18 @@ fn edition(state: &State) -> (Boot, u64) {
 
 #[cfg(test)]
 mod tests {
-    use tomoswarm_proto::Progress;
-
     use super::super::tests_support::state;
     use super::*;
+    use crate::sweep::VehicleProgress;
 
     fn at(seconds_s: f64) -> Time {
         Time::from_secs_f64(seconds_s)
     }
 
     fn sighting(boot: u32, x_m: f64) -> Sighting {
-        let progress = Progress { vehicle: VehicleId(2), boot: Boot(boot), ..Progress::default() };
-        Sighting { boot: Boot(boot), pose: state(2, x_m, 0.0).pose, progress }
+        let progress =
+            VehicleProgress { vehicle: VehicleId(2), boot: Boot(boot), ..VehicleProgress::default() };
+        Sighting { pose: state(2, x_m, 0.0).pose, progress }
     }
 
     #[test]
@@ -280,5 +302,23 @@ mod tests {
             let peer = peers.get(VehicleId(2)).unwrap();
             assert_eq!((peer.at.x_m, peer.heard_at), (2.0, at(31.5)));
         }
+    }
+
+    #[test]
+    fn a_peer_that_does_not_know_its_place_is_heard_and_stays_where_it_was_known_to_be() {
+        let mut peers = Peers::new(VehicleId(1));
+        let lost = |sequence| State { pose: None, sequence, ..state(2, 0.0, 0.0) };
+        peers.take(at(0.5), &lost(1));
+        peers.sight(at(0.6), &Sighting { pose: None, ..sighting(1, 0.0) });
+        assert_eq!(peers.iter().count(), 0, "nobody knows where it is");
+        peers.take(at(1.0), &State { sequence: 2, ..state(2, 3.0, 0.0) });
+        peers.take(at(4.0), &lost(3));
+        let peer = peers.get(VehicleId(2)).unwrap();
+        assert_eq!((peer.at.x_m, peer.heard_at), (3.0, at(4.0)));
+        peers.take(at(4.1), &State { sequence: 2, ..state(2, 9.0, 0.0) });
+        peers.sight(at(5.5), &Sighting { pose: None, ..sighting(1, 0.0) });
+        let peer = peers.get(VehicleId(2)).unwrap();
+        assert_eq!((peer.at.x_m, peer.heard_at), (3.0, at(5.5)));
+        assert!(!peer.is_silent(at(7.4)) && peer.is_silent(at(7.6)));
     }
 }

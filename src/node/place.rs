@@ -3,8 +3,8 @@
 use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
-use tomoswarm_proto::State;
 
+use super::OwnState;
 use crate::geom::{Pose, Vector};
 use crate::time::Time;
 
@@ -25,8 +25,8 @@ impl Place {
     }
 
     /// Takes the newest state.
-    pub fn take(&mut self, now: Time, state: &State) {
-        self.last = Some((now, Pose::from(state.pose), state.speed_mps));
+    pub fn take(&mut self, now: Time, state: &OwnState) {
+        self.last = Some((now, state.pose, state.speed_mps));
     }
 
     /// Gives the pose now, carried on along its heading; `None` when it is unknown, too old or too uncertain.
@@ -41,14 +41,14 @@ impl Place {
 
 #[cfg(test)]
 mod tests {
-    use super::super::tests_support::state;
+    use super::super::tests_support::own_state;
     use super::*;
 
     #[test]
     fn a_place_is_carried_on_for_half_a_second_and_then_unknown() {
         let mut place = Place::unknown(0.5);
         assert_eq!(place.pose(Time::ZERO), None);
-        let mut moving = state(1, 2.0, 0.0);
+        let mut moving = own_state(2.0, 0.0);
         moving.speed_mps = 0.5;
         place.take(Time::ZERO, &moving);
         let later = place.pose(Time::from_secs_f64(0.4)).unwrap();
@@ -59,7 +59,7 @@ mod tests {
     #[test]
     fn an_uncertain_pose_is_no_place() {
         let mut place = Place::unknown(0.5);
-        let mut lost = state(1, 2.0, 0.0);
+        let mut lost = own_state(2.0, 0.0);
         lost.pose.sd_m = 0.6;
         place.take(Time::ZERO, &lost);
         assert_eq!(place.pose(Time::ZERO), None);

@@ -23,12 +23,13 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
-use tomoswarm_proto::{Beacon, Boot, PoseReport, Progress, RunId, Sample, State, VehicleId};
+use tomoswarm_proto::{BEACON_MEMBERS_MAX, Beacon, Boot, PoseReport, Progress, RunId, Sample, VehicleId};
 
-use super::Settings;
 use super::place::Place;
+use super::{OwnState, Settings};
 use crate::actor::{Actor, Class, Fault, Input};
 use crate::geom::Pose;
+use crate::sweep::VehicleProgress;
 use crate::time::{Deadline, Time};
 
 /// Members not heard of for this long leave the ring.
@@ -37,7 +38,7 @@ const MEMBER_FOR: Duration = Duration::from_secs(5);
 const JOIN_FROM: f64 = 0.15;
 const JOIN_UNTIL: f64 = 0.85;
 /// A gap of more beacons than this is a new start, not that many misses.
-const MISSES_MAX: u64 = 200;
+const MISSES_MAX: u32 = 200;
 /// So many beacons that were not sent are remembered while newer ones were said already.
 const UNSENT_MAX: usize = 16;
 
@@ -56,9 +57,9 @@ pub enum In {
     /// A beacon came in.
     Heard(Heard),
     /// The beacon of this sequence never went on the air.
-    Unsent(u64),
+    Unsent(u32),
     /// Where the vehicle is.
-    State(State),
+    State(OwnState),
     /// How far the mission is.
     Progress(Progress),
     /// For which run to measure; `None` = not at all.
@@ -79,12 +80,10 @@ pub enum Out {
 /// What a beacon tells of its sender, whatever it was measured for.
 #[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
 pub struct Sighting {
-    /// Start of its software.
-    pub boot: Boot,
-    /// Where it believes to be.
-    pub pose: PoseReport,
-    /// How far it is with its plan; also tells who it is.
-    pub progress: Progress,
+    /// Where it believes to be; `None` = it does not know.
+    pub pose: Option<PoseReport>,
+    /// How far it is with its plan; also tells who it is, and the start of its software.
+    pub progress: VehicleProgress,
 }
 
 /// The radio actor.
@@ -92,15 +91,18 @@ pub struct Sighting {
 pub struct Radio {
     settings: Settings,
     place: Place,
+    /// Whether the vehicle was at rest, and whether its motors had current, when it was heard of last.
+    is_at_rest: bool,
+    is_armed: bool,
     progress: Progress,
     measures: Option<RunId>,
     /// When each member was last heard, or heard of.
     members: BTreeMap<VehicleId, Time>,
     heard: BTreeMap<VehicleId, Last>,
     /// Of the last beacon said that has not been taken back.
-    sequence: u64,
+    sequence: u32,
     /// Beacons that were not sent, but newer ones were said before that was known.
-    unsent: BTreeSet<u64>,
+    unsent: BTreeSet<u32>,
     /// When somebody last listed this vehicle among those heard.
     listed_at: Option<Time>,
     draws: u64,
@@ -112,10 +114,11 @@ pub struct Radio {
 #[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 struct Last {
     boot: Boot,
-    sequence: u64,
+    sequence: u32,
     /// When it was heard.
     at: Time,
-    pose: PoseReport,
+    /// Where it believed to be, if it knew.
+    pose: Option<PoseReport>,
     /// Where the receiver was then, if it knew.
     receiver: Option<Pose>,
 }
@@ -124,11 +127,12 @@ impl Radio {
     /// Makes the actor; it speaks for the first time after its own share of the first round.
     pub fn new(settings: Settings) -> Radio {
         let slot_at = Time::ZERO + settings.radio.slot * (1 + u32::from(settings.vehicle.0));
-        let progress = Progress { vehicle: settings.vehicle, ..Progress::default() };
         Radio {
             place: Place::unknown(settings.swarm.pose_sd_max_m),
             settings,
-            progress,
+            is_at_rest: false,
+            is_armed: false,
+            progress: Progress::default(),
             measures: None,
             members: BTreeMap::new(),
             heard: BTreeMap::new(),
@@ -158,8 +162,8 @@ impl Radio {
         if beacon.members.contains(&own) {
             self.listed_at = Some(now);
         }
-        let progress = Progress { vehicle: beacon.sender, ..beacon.progress };
-        out.push(Out::Peer(Sighting { boot: beacon.boot, pose: beacon.pose, progress }));
+        let progress = VehicleProgress::of(beacon.sender, beacon.boot, beacon.progress);
+        out.push(Out::Peer(Sighting { pose: beacon.pose, progress }));
         self.sample(now, &beacon, heard.rssi_dbm, out);
         let (boot, sequence, pose) = (beacon.boot, beacon.sequence, beacon.pose);
         let last = Last { boot, sequence, at: now, pose, receiver: self.place.pose(now) };
@@ -178,7 +182,7 @@ impl Radio {
 
     /// Takes the number of a beacon back that was not sent, so that peers see no gap: at once when nothing was said since,
     /// or else when all that was said since comes back as well. Behind one that was sent it stays a gap.
-    fn take_back(&mut self, sequence: u64) {
+    fn take_back(&mut self, sequence: u32) {
         if sequence == 0 || sequence > self.sequence {
             return;
         }
@@ -191,10 +195,15 @@ impl Radio {
         }
     }
 
-    /// Gives whose own beacons were heard lately, ascending.
+    /// Returns whose own beacons were heard lately, ascending; of more than a beacon names, those heard last.
     fn heard_lately(&self, now: Time) -> Vec<VehicleId> {
         let lately = self.heard.iter().filter(|(_, last)| now.since(last.at) <= MEMBER_FOR);
-        lately.map(|(id, _)| *id).collect()
+        let mut lately: Vec<(Time, VehicleId)> = lately.map(|(id, last)| (last.at, *id)).collect();
+        lately.sort_unstable_by(|a, b| b.cmp(a));
+        lately.truncate(BEACON_MEMBERS_MAX);
+        let mut members: Vec<VehicleId> = lately.into_iter().map(|(_, id)| id).collect();
+        members.sort_unstable();
+        members
     }
 
     /// Gives how long to wait after a member has spoken: its distance in the ring, in slots.
@@ -248,23 +257,24 @@ impl Radio {
         if beacon.progress.run != run {
             return; // the two are not of one run: nobody would know what was measured
         }
+        let Some(transmitter_pose) = beacon.pose else { return }; // and here not from where
         let missed = self.misses(beacon);
         let last = self.heard.get(&beacon.sender);
-        let last_pose = last.map_or(beacon.pose, |last| last.pose);
+        let last_pose = last.and_then(|last| last.pose).unwrap_or(transmitter_pose);
         let last_receiver = last.and_then(|last| last.receiver).unwrap_or(receiver_pose);
         for share in 1..=missed {
-            let along = share as f64 / (missed + 1) as f64;
-            let transmitter_pose = between(last_pose.into(), beacon.pose.into(), along).into();
+            let along = f64::from(share) / f64::from(missed + 1);
+            let transmitter_then = between(last_pose.into(), transmitter_pose.into(), along).into();
             let receiver_then = between(last_receiver, receiver_pose, along);
-            self.say(now, run, beacon, transmitter_pose, receiver_then, None, out);
+            self.say(now, run, beacon, transmitter_then, receiver_then, None, out);
         }
-        if beacon.pose.sd_m <= self.settings.swarm.pose_sd_max_m {
-            self.say(now, run, beacon, beacon.pose, receiver_pose, Some(rssi_dbm), out);
+        if Pose::from(transmitter_pose).sd_m <= self.settings.swarm.pose_sd_max_m {
+            self.say(now, run, beacon, transmitter_pose, receiver_pose, Some(rssi_dbm), out);
         }
     }
 
     /// Gives how many beacons of the sender were missed since the last one heard.
-    fn misses(&self, beacon: &Beacon) -> u64 {
+    fn misses(&self, beacon: &Beacon) -> u32 {
         let Some(last) = self.heard.get(&beacon.sender) else { return 0 };
         let gap = beacon.sequence.saturating_sub(last.sequence).saturating_sub(1);
         if last.boot == beacon.boot && gap <= MISSES_MAX { gap } else { 0 }
@@ -309,7 +319,10 @@ impl Actor for Radio {
         match input {
             In::Heard(heard) => self.heard(now, heard, out),
             In::Unsent(sequence) => self.take_back(sequence),
-            In::State(state) => self.place.take(now, &state),
+            In::State(state) => {
+                self.place.take(now, &state);
+                (self.is_at_rest, self.is_armed) = (state.is_at_rest, state.is_armed);
+            }
             In::Progress(progress) => self.progress = progress,
             In::Measure(run) => self.measures = run,
         }
@@ -326,16 +339,21 @@ impl Actor for Radio {
         let silence = self.settings.radio.slot * (ring + 1);
         self.slot_at = now + silence - self.jitter();
         let Some(pose) = self.place.pose(now) else { return Ok(()) };
-        self.sequence += 1;
+        self.sequence = self.sequence.saturating_add(1);
         out.push(Out::Transmit(Beacon {
             sender: self.settings.vehicle,
             boot: self.settings.boot,
             sequence: self.sequence,
-            pose: pose.into(),
+            pose: Some(pose.into()),
             channel: self.settings.radio.channel,
             power_dbm: self.settings.radio.power_dbm,
+            is_at_rest: self.is_at_rest,
+            is_armed: self.is_armed,
+            is_airborne: false,
             members: self.heard_lately(now),
             progress: self.progress,
+            stop: None,
+            tag: None,
         }));
         Ok(())
     }
@@ -356,7 +374,7 @@ impl Input for In {
 
 #[cfg(test)]
 mod tests {
-    use super::super::tests_support::{settings, state};
+    use super::super::tests_support::{own_state, settings, state};
     use super::*;
     use proptest::prelude::*;
 
@@ -372,8 +390,8 @@ mod tests {
             let who = radios.iter().position(|radio| radio.deadline().unwrap().at == due).unwrap();
             let mut out = Vec::new();
             for (radio, id) in radios.iter_mut().zip(ids) {
-                radio.handle(due, In::State(state(*id, f64::from(*id), 0.0)), &mut out).unwrap();
-                let progress = Progress { vehicle: VehicleId(*id), run: RunId(1), ..Progress::default() };
+                radio.handle(due, In::State(own_state(f64::from(*id), 0.0)), &mut out).unwrap();
+                let progress = Progress { run: RunId(1), ..Progress::default() };
                 radio.handle(due, In::Progress(progress), &mut out).unwrap();
             }
             radios[who].wake(due, &mut out).unwrap();
@@ -423,7 +441,7 @@ mod tests {
             }
             let who = radios.iter().position(|radio| radio.deadline().unwrap().at == due).unwrap();
             let mut out = Vec::new();
-            radios[who].handle(now, In::State(state(ids[who], f64::from(ids[who]), 0.0)), &mut out).unwrap();
+            radios[who].handle(now, In::State(own_state(f64::from(ids[who]), 0.0)), &mut out).unwrap();
             radios[who].wake(now, &mut out).unwrap();
             if let Some(Out::Transmit(beacon)) = out.pop() {
                 air.push((now, who, beacon));
@@ -461,8 +479,8 @@ mod tests {
     fn every_beacon_heard_is_a_sample_and_every_gap_a_miss() {
         let mut radio = Radio::new(settings(1));
         let mut out = Vec::new();
-        radio.handle(Time::ZERO, In::State(state(1, 0.0, 0.0)), &mut out).unwrap();
-        let progress = Progress { vehicle: VehicleId(1), run: RunId(4), ..Progress::default() };
+        radio.handle(Time::ZERO, In::State(own_state(0.0, 0.0)), &mut out).unwrap();
+        let progress = Progress { run: RunId(4), ..Progress::default() };
         radio.handle(Time::ZERO, In::Progress(progress), &mut out).unwrap();
         radio.handle(Time::ZERO, In::Measure(Some(RunId(4))), &mut out).unwrap();
         for (sequence, x_m) in [(7, 0.0), (10, 3.0)] {
@@ -474,7 +492,8 @@ mod tests {
                 channel: 11,
                 power_dbm: 0,
                 members: vec![],
-                progress: Progress { vehicle: VehicleId(2), run: RunId(4), ..Progress::default() },
+                progress: Progress { run: RunId(4), ..Progress::default() },
+                ..Beacon::default()
             };
             let heard = Heard { beacon, rssi_dbm: -61 };
             radio.handle(Time::ZERO, In::Heard(heard), &mut out).unwrap();
@@ -483,7 +502,7 @@ mod tests {
             .iter()
             .filter_map(|out| match out {
                 Out::Sample(_, sample) => {
-                    Some((sample.sequence, sample.transmitter_pose.at.x_m, sample.rssi_dbm))
+                    Some((sample.sequence, sample.transmitter_pose.at.x_m(), sample.rssi_dbm))
                 }
                 Out::Transmit(_) | Out::Peer(_) => None,
             })
@@ -496,7 +515,7 @@ mod tests {
         assert!(speakers(&talk(&[3], Time::from_secs_f64(1.0))).len() >= 8);
     }
 
-    fn beacon(sender: u8, sequence: u64, x_m: f64, members: Vec<VehicleId>) -> Beacon {
+    fn beacon(sender: u8, sequence: u32, x_m: f64, members: Vec<VehicleId>) -> Beacon {
         Beacon {
             sender: VehicleId(sender),
             boot: Boot(1),
@@ -505,7 +524,8 @@ mod tests {
             channel: 11,
             power_dbm: 0,
             members,
-            progress: Progress { vehicle: VehicleId(sender), run: RunId(4), ..Progress::default() },
+            progress: Progress { run: RunId(4), ..Progress::default() },
+            ..Beacon::default()
         }
     }
 
@@ -526,7 +546,7 @@ mod tests {
             let now_s = 0.1 * f64::from(tick);
             for who in 0..2 {
                 let mut out = Vec::new();
-                let place = state(who as u8 + 1, 0.0, 0.0);
+                let place = own_state(0.0, 0.0);
                 radios[who].handle(Time::from_secs_f64(now_s), In::State(place), &mut out).unwrap();
                 radios[who].wake(Time::from_secs_f64(now_s), &mut out).unwrap();
                 let Some(Out::Transmit(beacon)) = out.pop() else { panic!("silent") };
@@ -544,24 +564,50 @@ mod tests {
         radio.handle(Time::ZERO, In::Measure(Some(RunId(4))), &mut Vec::new()).unwrap();
         let mut said = Vec::new();
         for (now_s, sequence, y_m) in [(0.0, 7, 0.0), (0.3, 10, 3.0)] {
-            let own = In::State(state(1, 0.0, y_m));
+            let own = In::State(own_state(0.0, y_m));
             radio.handle(Time::from_secs_f64(now_s), own, &mut Vec::new()).unwrap();
             said.extend(hear(&mut radio, now_s, beacon(2, sequence, 5.0, vec![])));
         }
         let receivers: Vec<f64> = said
             .iter()
             .filter_map(|out| match out {
-                Out::Sample(_, sample) => Some(sample.receiver_pose.at.y_m),
+                Out::Sample(_, sample) => Some(sample.receiver_pose.at.y_m()),
                 Out::Transmit(_) | Out::Peer(_) => None,
             })
             .collect();
         assert_eq!(receivers, [0.0, 1.0, 2.0, 3.0]);
     }
 
+    #[test]
+    fn a_beacon_names_the_twelve_that_were_heard_last() {
+        let mut radio = Radio::new(settings(1));
+        for id in 2..=20 {
+            // The higher the number the longer ago.
+            hear(&mut radio, 3.0 - 0.1 * f64::from(id), beacon(id, 1, 0.0, vec![]));
+        }
+        let mut out = Vec::new();
+        radio.handle(Time::from_secs_f64(3.0), In::State(own_state(0.0, 0.0)), &mut out).unwrap();
+        radio.wake(Time::from_secs_f64(3.0), &mut out).unwrap();
+        let Some(Out::Transmit(beacon)) = out.pop() else { panic!("silent") };
+        assert_eq!(beacon.members, (2..=13).map(VehicleId).collect::<Vec<_>>());
+        assert!(beacon.is_at_rest && beacon.is_armed && !beacon.is_airborne);
+    }
+
+    #[test]
+    fn a_beacon_without_a_place_is_heard_and_measures_nothing() {
+        let mut radio = measuring();
+        let out = hear(&mut radio, 0.1, Beacon { pose: None, ..beacon(2, 1, 0.0, vec![]) });
+        let [Out::Peer(sighting)] = &out[..] else { panic!("{out:?}") };
+        assert_eq!((sighting.progress.vehicle, sighting.pose), (VehicleId(2), None));
+        assert_eq!(radio.heard_lately(Time::from_secs_f64(0.2)), [VehicleId(2)]);
+        let out = hear(&mut radio, 0.2, beacon(2, 2, 3.0, vec![]));
+        assert_eq!(out.iter().filter(|out| matches!(out, Out::Sample(..))).count(), 1);
+    }
+
     /// A radio that measures at rest, in run 4.
     fn measuring() -> Radio {
         let mut radio = Radio::new(settings(1));
-        for input in [In::Measure(Some(RunId(4))), In::State(state(1, 0.0, 0.0))] {
+        for input in [In::Measure(Some(RunId(4))), In::State(own_state(0.0, 0.0))] {
             radio.handle(Time::ZERO, input, &mut Vec::new()).unwrap();
         }
         radio
@@ -569,14 +615,14 @@ mod tests {
 
     /// Lets it hear beacons of vehicle 2 (start of its software, sequence), each sent from as many metres east as its
     /// sequence; gives of which beacon each sample is, and whether that was heard.
-    fn samples(radio: &mut Radio, beacons: &[(u32, u64)]) -> Vec<(u64, bool)> {
-        let one = |(boot, sequence): &(u32, u64)| {
-            let beacon = Beacon { boot: Boot(*boot), ..beacon(2, *sequence, *sequence as f64, vec![]) };
+    fn samples(radio: &mut Radio, beacons: &[(u32, u32)]) -> Vec<(u32, bool)> {
+        let one = |(boot, sequence): &(u32, u32)| {
+            let beacon = Beacon { boot: Boot(*boot), ..beacon(2, *sequence, f64::from(*sequence), vec![]) };
             hear(radio, 0.0, beacon)
         };
         let of = |out| match out {
             Out::Sample(_, sample) => {
-                Some((sample.transmitter_pose.at.x_m.round() as u64, sample.rssi_dbm.is_some()))
+                Some((sample.transmitter_pose.at.x_m().round() as u32, sample.rssi_dbm.is_some()))
             }
             Out::Transmit(_) | Out::Peer(_) => None,
         };
@@ -607,7 +653,7 @@ mod tests {
     #[test]
     fn a_sequence_does_not_wrap() {
         let mut radio = measuring();
-        let sequences = [u64::MAX - 1, u64::MAX, 0, 1];
+        let sequences = [u32::MAX - 1, u32::MAX, 0, 1];
         let made: usize = sequences.map(|sequence| samples(&mut radio, &[(1, sequence)]).len()).iter().sum();
         assert_eq!(made, 2, "after the last one there is none");
     }
@@ -628,15 +674,15 @@ mod tests {
     }
 
     /// Lets it say its next beacon; gives the number.
-    fn number(radio: &mut Radio, now_s: f64) -> u64 {
+    fn number(radio: &mut Radio, now_s: f64) -> u32 {
         let (now, mut out) = (Time::from_secs_f64(now_s), Vec::new());
-        radio.handle(now, In::State(state(1, 0.0, 0.0)), &mut out).unwrap();
+        radio.handle(now, In::State(own_state(0.0, 0.0)), &mut out).unwrap();
         radio.wake(now, &mut out).unwrap();
         let Some(Out::Transmit(beacon)) = out.pop() else { panic!("silent") };
         beacon.sequence
     }
 
-    fn take_back(radio: &mut Radio, sequence: u64) {
+    fn take_back(radio: &mut Radio, sequence: u32) {
         radio.handle(Time::ZERO, In::Unsent(sequence), &mut Vec::new()).unwrap();
     }
 
@@ -654,7 +700,7 @@ mod tests {
     #[test]
     fn behind_a_beacon_that_was_sent_no_number_comes_back() {
         let mut radio = Radio::new(settings(1));
-        (1..=3).for_each(|tenth| assert_eq!(number(&mut radio, 0.1 * tenth as f64), tenth));
+        (1..=3).for_each(|tenth| assert_eq!(number(&mut radio, 0.1 * f64::from(tenth)), tenth));
         take_back(&mut radio, 2);
         assert_eq!(number(&mut radio, 0.4), 4, "3 is on the air: it stays what it is");
     }
@@ -663,7 +709,7 @@ mod tests {
     fn beacons_queued_behind_one_that_was_not_sent_come_back_with_it() {
         for order in [[2, 3], [3, 2]] {
             let mut radio = Radio::new(settings(1));
-            (1..=3).for_each(|tenth| assert_eq!(number(&mut radio, 0.1 * tenth as f64), tenth));
+            (1..=3).for_each(|tenth| assert_eq!(number(&mut radio, 0.1 * f64::from(tenth)), tenth));
             order.iter().for_each(|sequence| take_back(&mut radio, *sequence));
             assert_eq!(number(&mut radio, 0.4), 2, "{order:?}");
         }
@@ -672,12 +718,12 @@ mod tests {
     proptest! {
         #[test]
         fn every_sequence_from_the_first_heard_to_the_newest_is_one_sample(
-            sequences in prop::collection::vec(1..60u64, 1..80),
+            sequences in prop::collection::vec(1..60u32, 1..80),
         ) {
-            let beacons: Vec<(u32, u64)> = sequences.iter().map(|sequence| (1, *sequence)).collect();
+            let beacons: Vec<(u32, u32)> = sequences.iter().map(|sequence| (1, *sequence)).collect();
             let made = samples(&mut measuring(), &beacons);
             let (first, newest) = (sequences[0], *sequences.iter().filter(|it| **it >= sequences[0]).max().unwrap());
-            let of: Vec<u64> = made.iter().map(|(sequence, _)| *sequence).collect();
+            let of: Vec<u32> = made.iter().map(|(sequence, _)| *sequence).collect();
             prop_assert_eq!(of, (first..=newest).collect::<Vec<_>>());
             for (sequence, is_heard) in made {
                 prop_assert!(!is_heard || sequences.contains(&sequence));
@@ -690,7 +736,7 @@ mod tests {
         ) {
             let mut radio = Radio::new(settings(1));
             // What was not sent since something was last sent, and whether that is known; what is not known yet.
-            let (mut open, mut late) = (Vec::<(u64, bool)>::new(), Vec::<(usize, u64)>::new());
+            let (mut open, mut late) = (Vec::<(u32, bool)>::new(), Vec::<(usize, u32)>::new());
             let (mut on_air, mut gaps) = (Vec::new(), 0);
             for (index, (is_sent, delay)) in tries.iter().enumerate() {
                 for (_, sequence) in late.extract_if(.., |(at, _)| *at <= index) {
@@ -700,7 +746,7 @@ mod tests {
                 }
                 let sequence = number(&mut radio, 0.1 * index as f64);
                 if *is_sent {
-                    gaps += open.drain(..).count() as u64;
+                    gaps += open.drain(..).count() as u32;
                     on_air.push(sequence);
                 } else {
                     open.push((sequence, false));
@@ -708,7 +754,7 @@ mod tests {
                 }
             }
             prop_assert!(on_air.is_sorted_by(|one, next| one < next), "{:?}", on_air);
-            prop_assert_eq!(on_air.last().map_or(0, |last| last - on_air.len() as u64), gaps);
+            prop_assert_eq!(on_air.last().map_or(0, |last| last - on_air.len() as u32), gaps);
         }
     }
 }

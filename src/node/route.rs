@@ -7,7 +7,7 @@
 //!  map ──Tiles──► bus                      bus ──peers' Tiles, Digest, Want──► map
 //!  radio driver ─Heard, Unsent─► radio ──Keep──► disk ──Kept──► outbox ──Samples──► bus
 //!                                        disk ◄─Forget, Recall─ outbox      bus ──Have──► outbox
-//!  bus ──Plan, peers' State and Progress──► mission ──Progress──► radio (in beacons), bus
+//!  bus ──Plan, peers' State and Mission──► mission ──Mission──► radio (its progress, in beacons), bus
 //!  radio ──what peers' beacons tell──► mission, vehicle      bus ──whoever is heard──► mission
 //!  bus ──Order, peers' State──► vehicle ──Order (once accepted)──► mission
 //! ```
@@ -27,7 +27,7 @@ pub enum Event {
     /// The radio driver heard a beacon.
     Heard(radio::Heard),
     /// The radio driver has not sent the beacon of this sequence: it never went on the air.
-    Unsent(u64),
+    Unsent(u32),
     /// The bus delivered a message that another node said.
     Bus(Sender, Message),
     /// A sample is kept: it will be told again when it is recalled, also after a restart.
@@ -181,15 +181,21 @@ fn route_message(sender: Sender, message: Message, to: &mut Vec<Destination>) {
         Message::Digest(digest) => to.push(Destination::Map(map::In::Digest(digest))),
         Message::Want(want) => to.push(Destination::Map(map::In::Want(want))),
         Message::Plan(plan) => to.push(Destination::Mission(mission::In::Plan(plan))),
-        Message::Progress(progress) => to.push(Destination::Mission(mission::In::Progress(progress))),
+        Message::Mission(mission) => {
+            to.push(Destination::Mission(mission::In::Progress((&mission).into())));
+        }
         Message::Order(order) => to.push(Destination::Vehicle(vehicle::In::Order(order))),
         Message::Have(have) => to.push(Destination::Outbox(outbox::In::Have(have))),
-        // Samples are the ground's business; beacons come by radio; greetings are the bus's.
+        // Samples are the ground's business, images operators'; beacons come by radio; greetings are the bus's. Nothing
+        // is done yet about open stops and tasks.
         Message::Samples(_)
         | Message::Beacon(_)
         | Message::Hello(_)
         | Message::Health(_)
-        | Message::Report(_) => {}
+        | Message::Report(_)
+        | Message::Standing(_)
+        | Message::Task(_)
+        | Message::Image(_) => {}
     }
 }
 
@@ -219,9 +225,9 @@ fn route_mission(out: mission::Out, to: &mut Vec<Destination>) {
         mission::Out::Accepted(run, revision) => {
             to.push(Destination::Vehicle(vehicle::In::Accepted(run, revision)));
         }
-        mission::Out::Progress(progress) => {
-            to.push(Destination::Radio(radio::In::Progress(progress)));
-            to.push(Destination::Edge(Effect::Publish(Message::Progress(progress))));
+        mission::Out::Progress(mission) => {
+            to.push(Destination::Radio(radio::In::Progress(mission.progress)));
+            to.push(Destination::Edge(Effect::Publish(Message::Mission(mission))));
         }
         mission::Out::Measure(run) => to.push(Destination::Radio(radio::In::Measure(run))),
         mission::Out::Remark(remark) => to.push(Destination::Edge(Effect::Note(Note::Mission(remark)))),
@@ -231,7 +237,7 @@ fn route_mission(out: mission::Out, to: &mut Vec<Destination>) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use tomoswarm_proto::{Digest, VehicleId, Want};
+    use tomoswarm_proto::{Digest, OperatorId, VehicleId, Want};
 
     /// Returns of whom a mission hears when a sender says a message.
     fn heard(sender: Sender, message: Message) -> Vec<Sender> {
@@ -246,7 +252,7 @@ mod tests {
 
     #[test]
     fn what_names_no_author_is_heard_of_whoever_says_it() {
-        for sender in [Sender::Ground, Sender::Vehicle(VehicleId(2)), Sender::Operator] {
+        for sender in [Sender::Ground, Sender::Vehicle(VehicleId(2)), Sender::Operator(OperatorId(1))] {
             assert_eq!(heard(sender, Message::Digest(Digest::default())), [sender]);
             let want = Want { layer: Default::default(), known: vec![] };
             assert_eq!(heard(sender, Message::Want(want)), [sender]);

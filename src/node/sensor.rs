@@ -17,10 +17,9 @@
 use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
-use tomoswarm_proto::State;
 
-use super::LookSettings;
 use super::place::Place;
+use super::{LookSettings, OwnState};
 use crate::actor::{Actor, Class, Fault, Input};
 use crate::geom::{Angle, Pose};
 use crate::plan::Pointing;
@@ -64,7 +63,7 @@ pub enum In {
     /// An answer of the range driver.
     Echo(Echo),
     /// Where the vehicle is.
-    State(State),
+    State(OwnState),
 }
 
 /// What the sensor actor can say.
@@ -223,7 +222,7 @@ mod tests {
     }
 
     fn state(x_m: f64, speed_mps: f64) -> In {
-        let mut state = super::super::tests_support::state(1, x_m, 0.0);
+        let mut state = super::super::tests_support::own_state(x_m, 0.0);
         state.speed_mps = speed_mps;
         In::State(state)
     }

@@ -6,24 +6,42 @@ use std::time::Duration;
 
 use serde::Deserialize;
 use serde::de::value::{Error, StrDeserializer};
-use tomoswarm_proto::{Boot, Mode, PoseReport, Position, State, VehicleId};
+use tomoswarm_proto::{Boot, Mode, Permille, State, VehicleId};
 
-use super::{BodySettings, LookSettings, RadioSettings, Settings};
-use crate::geom::{Angle, Lattice, Point, Rect};
+use super::{BodySettings, LookSettings, OwnState, RadioSettings, Settings};
+use crate::geom::{Angle, Lattice, Point, Pose, Rect};
 
-/// A vehicle standing at a place, facing along x.
+/// The own vehicle, standing at a place, facing along x, as the other actors of it are told.
+pub fn own_state(x_m: f64, y_m: f64) -> OwnState {
+    OwnState {
+        sequence: 1,
+        pose: Pose { at: Point::new(x_m, y_m), heading: Angle::default(), sd_m: 0.05 },
+        speed_mps: 0.0,
+        mode: Mode::Idle,
+        is_at_rest: true,
+        is_armed: true,
+        battery: 1.0,
+        leg: None,
+        accepted: Default::default(),
+        ordered: Default::default(),
+    }
+}
+
+/// Another vehicle standing at a place, facing along x, as it travels.
 pub fn state(vehicle: u8, x_m: f64, y_m: f64) -> State {
     State {
         vehicle: VehicleId(vehicle),
         boot: Boot(1),
         sequence: 1,
-        pose: PoseReport { at: Position { x_m, y_m, z_m: 0.0 }, heading_rad: 0.0, sd_m: 0.05 },
-        speed_mps: 0.0,
+        pose: Some(own_state(x_m, y_m).pose.into()),
+        is_at_rest: true,
+        is_landed: true,
         mode: Mode::Idle,
-        battery: 1.0,
+        battery: Some(Permille::WHOLE),
         leg: None,
         accepted: Default::default(),
         ordered: Default::default(),
+        ..State::default()
     }
 }
 

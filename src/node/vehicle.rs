@@ -53,17 +53,17 @@ mod words;
 use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
-use tomoswarm_proto::{Order, Revision, RunId, State, VehicleId};
+use tomoswarm_proto::{Order, Revision, RunId, StandReason, State, VehicleId};
 
 use self::last_telemetry::LastTelemetry;
 use self::movement::Movement;
 use self::orders::Orders;
 use self::reflex::Reflex;
 use self::report::Reports;
-use super::Settings;
 use super::peers::{Peers, join_states};
 use super::radio::Sighting;
 use super::sensor::Scan;
+use super::{OwnState, Settings};
 use crate::actor::{Actor, Class, Fault, Input};
 use crate::geom::{Point, Vector};
 use crate::time::{Deadline, Time};
@@ -85,8 +85,8 @@ pub enum In {
     Scan(Scan),
     /// What the mission wants, and when it decided that.
     Command(Time, Command),
-    /// Whether the mission stands still on its own until something changes.
-    Holds(bool),
+    /// Why the mission stands still on its own until something changes, if it does.
+    Holds(Option<StandReason>),
     /// What an operator wants.
     Order(Order),
     /// The state of another vehicle.
@@ -103,8 +103,8 @@ pub enum Out {
     /// To the autopilot.
     Fly(Fly),
     /// To the other actors of this vehicle, with every telemetry.
-    State(State),
-    /// To the other nodes, less often.
+    State(OwnState),
+    /// To the other nodes, less often, as it travels.
     Publish(State),
     /// An order that is to be obeyed.
     Order(Order),
@@ -191,7 +191,7 @@ impl Vehicle {
     }
 
     fn order(&mut self, now: Time, order: Order, out: &mut Vec<Out>) {
-        let is_answer = self.reports.is_answer(now, order.seen_state);
+        let is_answer = self.reports.is_answer(now, self.settings.boot, order.seen);
         if order.vehicle != self.settings.vehicle || !self.orders.accepts(&order, is_answer) {
             return;
         }

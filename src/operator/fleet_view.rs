@@ -6,7 +6,7 @@ use std::collections::BTreeMap;
 use std::time::Duration;
 
 use tomoswarm_proto::codec::{Greeting, VERSION};
-use tomoswarm_proto::{Boot, Health, Hello, Lease, Message, Progress, Report, Sender, State, VehicleId};
+use tomoswarm_proto::{Boot, Health, Hello, Lease, Message, Mission, Report, Sender, State, VehicleId};
 
 use super::Heard;
 use crate::sweep::LOWER_BOOT_AFTER;
@@ -38,8 +38,8 @@ impl<T> Fresh<T> {
 pub struct VehicleView {
     /// Newest state, by boot and sequence.
     pub state: Option<Fresh<State>>,
-    /// Newest progress of the newest boot.
-    pub progress: Option<Fresh<Progress>>,
+    /// Newest of how far it is with its mission, of the newest boot.
+    pub mission: Option<Fresh<Mission>>,
     /// Newest health of the newest boot.
     pub health: Option<Fresh<Health>>,
     /// Newest greeting.
@@ -71,6 +71,7 @@ impl FleetView {
         match heard {
             Heard::Greeting(greeting, hello) => self.greeting(now, greeting, hello.as_ref()),
             Heard::Message(_, message) => self.message(now, message),
+            Heard::Unknown(_) => {}
         }
     }
 
@@ -118,7 +119,7 @@ impl FleetView {
         let hello = match node {
             Sender::Ground => self.ground_hello.as_ref(),
             Sender::Vehicle(id) => self.vehicles.get(&id)?.hello.as_ref(),
-            Sender::Operator => None,
+            Sender::Operator(_) => None,
         };
         let theirs = hello?.value.venue_hash;
         (theirs != venue_hash).then_some(Misfit::Venue(theirs))
@@ -149,7 +150,7 @@ impl FleetView {
         match greeting.node {
             Sender::Ground => self.ground_hello = fresh,
             Sender::Vehicle(id) => self.vehicles.entry(id).or_default().hello = fresh,
-            Sender::Operator => {}
+            Sender::Operator(_) => {}
         }
     }
 
@@ -159,9 +160,9 @@ impl FleetView {
                 let seen = self.vehicles.entry(state.vehicle).or_default();
                 renew(&mut seen.state, now, state, |state| (state.boot, state.sequence));
             }
-            Message::Progress(progress) => {
-                let seen = self.vehicles.entry(progress.vehicle).or_default();
-                renew(&mut seen.progress, now, progress, |progress| (progress.boot, 0));
+            Message::Mission(mission) => {
+                let seen = self.vehicles.entry(mission.vehicle).or_default();
+                renew(&mut seen.mission, now, mission, |mission| (mission.boot, 0));
             }
             Message::Health(health) => {
                 let seen = self.vehicles.entry(health.vehicle).or_default();
@@ -176,7 +177,10 @@ impl FleetView {
             | Message::Order(_)
             | Message::Samples(_)
             | Message::Have(_)
-            | Message::Beacon(_) => {}
+            | Message::Beacon(_)
+            | Message::Standing(_)
+            | Message::Task(_)
+            | Message::Image(_) => {}
         }
     }
 

@@ -28,6 +28,10 @@ pub fn mode(mode: Mode) -> &'static str {
         Mode::Turning => "turning",
         Mode::Halted => "halted",
         Mode::Held => "held",
+        Mode::TakingOff => "taking off",
+        Mode::Climbing => "climbing",
+        Mode::Landing => "landing",
+        Mode::Stopped => "STOPPED",
         Mode::Emergency => "EMERGENCY",
     }
 }

@@ -359,7 +359,7 @@ impl Input for In {
         match self {
             In::Bus(Heard::Message(_, Message::State(state))) => Class::Latest(Key::State(state.vehicle)),
             In::Bus(Heard::Message(_, Message::Report(report))) => Class::Latest(Key::Report(report.store)),
-            In::Bus(Heard::Message(..) | Heard::Greeting(..)) => Class::Queue,
+            In::Bus(Heard::Message(..) | Heard::Greeting(..) | Heard::Unknown(_)) => Class::Queue,
             In::Linked(_) => Class::Latest(Key::Linked),
             In::Want(number, _) => Class::Latest(Key::Want(*number)),
             In::Withdraw(number) => Class::Latest(Key::Withdraw(*number)),

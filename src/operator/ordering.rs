@@ -41,7 +41,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::time::Duration;
 
 use tomoswarm_proto::{
-    Lease, Order, OrderKind, Report, Revision, RunId, Sender, State, StationPhase, VehicleId,
+    Lease, Order, OrderKind, Report, Revision, RunId, SeenState, Sender, State, StationPhase, VehicleId,
 };
 
 use self::delivery::{CONTEST, Delivery, Issued};
@@ -297,14 +297,14 @@ impl Ordering {
     }
 
     fn is_emergency(&self) -> bool {
-        self.instruction.kind >= OrderKind::Emergency
+        self.instruction.kind.is_emergency()
     }
 
     /// Compares what a vehicle says it was ordered with what was sent to it.
     fn judge(&mut self, now: Time, id: VehicleId) {
         let (kind, is_emergency, holder) =
             (self.instruction.kind, self.is_emergency(), self.instruction.holder);
-        let ground = self.view.ground(now).map(|report| report.value.standing);
+        let ground = self.view.ground(now).map(|report| report.value.in_force);
         let (in_force, stands) = (self.view.lease(now), self.stands);
         let Some(state) = self.view.state(id) else { return };
         let echo = state.value.ordered;
@@ -332,7 +332,7 @@ impl Ordering {
         }
         if theirs == kind {
             delivery.obeyed = Some((now, false));
-        } else if kind > theirs
+        } else if kind.strength() > theirs.strength()
             && (is_emergency || issued.is_blind || is_same_lease && delivery.insisted < INSIST)
         {
             delivery.insisted += 1;
@@ -351,7 +351,7 @@ impl Ordering {
         let Some(delivery) = self.deliveries.get_mut(&id) else { return };
         let Some((since, echo)) = delivery.contested.filter(|_| !delivery.is_over()) else { return };
         let brings_about = |report: &Fresh<Report>| {
-            report.at >= since && report.value.standing.is_none() && report.value.phase != StationPhase::Idle
+            report.at >= since && report.value.in_force.is_none() && report.value.phase != StationPhase::Idle
         };
         if report.is_some_and(brings_about) {
             delivery.obeyed = Some((since, true));
@@ -378,8 +378,10 @@ impl Ordering {
         delivery.first_at.get_or_insert(now);
         let Issued { lease, revision, .. } = issued;
         delivery.lowest.get_or_insert((lease, revision));
-        let seen_state = self.view.state(id).map_or(0, |state| state.value.sequence);
-        Some(Order { vehicle: id, lease, run, revision, seen_state, kind: self.instruction.kind })
+        let state = self.view.state(id).map(|state| &state.value);
+        let seen = state.map(|state| SeenState { boot: state.boot, sequence: state.sequence });
+        let kind = self.instruction.kind;
+        Some(Order { vehicle: id, lease, run, revision, seen, kind, ends: Vec::new() })
     }
 
     /// Chooses the lease and the revision that are above a vehicle's echo; `None` while nothing may be sent yet.

@@ -5,11 +5,13 @@ use std::collections::BTreeSet;
 use std::time::Duration;
 
 use serde::Serialize;
-use tomoswarm_proto::{Health, Hello, Lease, Mode, Report, State, StationPhase, VehicleId};
+use tomoswarm_proto::{
+    FailsafeAction, Failsafes, Health, Hello, Lease, Mode, PoseReport, Report, StationPhase, VehicleId,
+};
 
 use super::fleet_view::{FleetView, GROUND_LIVES, VehicleView};
 use super::names::{self, listed};
-use crate::geom::{Point, Polygon};
+use crate::geom::{Point, Polygon, Pose};
 use crate::node::mission;
 use crate::time::Time;
 
@@ -120,17 +122,23 @@ fn of_vehicle(id: VehicleId, seen: &VehicleView, needs: &Needs, now: Time) -> Ve
     let no_go = Light::NoGo;
     let mut checks = vec![on_bus];
     checks.extend(of_hello(hello, needs));
-    checks.push(reported("pose", state, no_go, |state| pose(state, needs)));
-    checks.push(reported("fence", state, no_go, |state| {
-        let at = Point::from(state.pose.at);
+    let placed = state.and_then(|state| state.pose);
+    checks.push(reported("pose", placed, no_go, |placed| pose(placed, needs)));
+    checks.push(reported("fence", placed, no_go, |placed| {
+        let at = Point::from(placed.at);
         (needs.fence.contains(at), format!("at {:.2}, {:.2} m", at.x_m, at.y_m))
     }));
-    checks.push(reported("home", state, no_go, |state| home(id, state, &needs.homes)));
-    checks.push(reported("battery", state, no_go, |state| {
-        (state.battery > BATTERY, format!("{:.0} %, over {:.0} % needed", state.battery * 1e2, BATTERY * 1e2))
+    checks.push(reported("home", placed, no_go, |placed| home(id, placed, &needs.homes)));
+    let battery = state.and_then(|state| state.battery);
+    checks.push(reported("battery", battery, no_go, |battery| {
+        let charge = battery.fraction();
+        (charge > BATTERY, format!("{:.0} %, over {:.0} % needed", charge * 1e2, BATTERY * 1e2))
     }));
     checks.push(reported("mode", state, no_go, |state| {
-        (!matches!(state.mode, Mode::Held | Mode::Emergency), names::mode(state.mode).to_owned())
+        (
+            !matches!(state.mode, Mode::Held | Mode::Stopped | Mode::Emergency),
+            names::mode(state.mode).to_owned(),
+        )
     }));
     checks.push(reported("radio", health, no_go, |health| radio(id, health, needs)));
     checks.push(reported("disk", health.and_then(|health| health.disk_free_mb), Light::Unknown, |free_mb| {
@@ -145,7 +153,7 @@ fn of_vehicle(id: VehicleId, seen: &VehicleView, needs: &Needs, now: Time) -> Ve
     checks.push(reported("troubles", health, no_go, |health| {
         (health.troubles.is_empty(), names::troubles(&health.troubles))
     }));
-    checks.push(failsafes(hello));
+    checks.push(failsafes(health));
     checks
 }
 
@@ -168,18 +176,19 @@ fn of_hello(hello: Option<&Hello>, needs: &Needs) -> [Check; 2] {
     [software, venue]
 }
 
-fn pose(state: &State, needs: &Needs) -> (bool, String) {
+fn pose(placed: PoseReport, needs: &Needs) -> (bool, String) {
     let most_m = needs.pose_sd_max_m.unwrap_or(POSE_SD_MAX_M);
     let assumed = if needs.pose_sd_max_m.is_none() { " (assumed: no file here says the limit)" } else { "" };
-    (state.pose.sd_m <= most_m, format!("± {:.2} m, at most {most_m:.2} m{assumed}", state.pose.sd_m))
+    let sd_m = Pose::from(placed).sd_m;
+    (sd_m <= most_m, format!("± {sd_m:.2} m, at most {most_m:.2} m{assumed}"))
 }
 
-fn home(id: VehicleId, state: &State, homes: &[Point]) -> (bool, String) {
+fn home(id: VehicleId, placed: PoseReport, homes: &[Point]) -> (bool, String) {
     let Some(home) = usize::from(id.0).checked_sub(1).and_then(|index| homes.get(index)) else {
         return (false, format!("the venue has no home of vehicle {id}"));
     };
-    let (pose, most_m) = (state.pose.into(), mission::home_farthest_m(state.pose.into()));
-    let away_m = home.distance_to(state.pose.at.into());
+    let pose = Pose::from(placed);
+    let (away_m, most_m) = (home.distance_to(pose.at), mission::home_farthest_m(pose));
     (mission::is_at_home(pose, *home), format!("{away_m:.2} m away, at most {most_m:.2} m"))
 }
 
@@ -197,14 +206,23 @@ fn radio(id: VehicleId, health: &Health, needs: &Needs) -> (bool, String) {
     (missing.is_empty(), found)
 }
 
-/// The autopilot's failsafes, as far as the vehicle names them among its capabilities: `failsafe:...`, or
-/// `no-failsafe:...` for one that is switched off.
-fn failsafes(hello: Option<&Hello>) -> Check {
-    let named = |prefix: &str| -> Vec<&str> {
-        let words = hello.into_iter().flat_map(|hello| &hello.capabilities);
-        words.filter_map(|word| word.strip_prefix(prefix)).collect()
+/// The autopilot's failsafes, as far as it says what it does; one that is switched off refuses.
+fn failsafes(health: Option<&Health>) -> Check {
+    let autopilot = health.and_then(|health| health.autopilot.as_ref());
+    let Failsafes { battery, companion, remote, fence, estimator } =
+        autopilot.map(|autopilot| autopilot.failsafes).unwrap_or_default();
+    let all = [
+        ("battery", battery),
+        ("companion", companion),
+        ("remote", remote),
+        ("fence", fence),
+        ("estimator", estimator),
+    ];
+    let named = |is_named: fn(FailsafeAction) -> bool| -> Vec<&str> {
+        all.into_iter().filter(|(_, action)| is_named(*action)).map(|(cause, _)| cause).collect()
     };
-    let (set, unset) = (named("failsafe:"), named("no-failsafe:"));
+    let set = named(|action| !matches!(action, FailsafeAction::Unknown | FailsafeAction::Off));
+    let unset = named(|action| action == FailsafeAction::Off);
     match (set.is_empty(), unset.is_empty()) {
         (true, true) => reported("failsafes", None::<()>, Light::Unknown, |()| (true, String::new())),
         (_, true) => check("failsafes", true, listed(&set)),
@@ -233,7 +251,7 @@ fn of_ground(view: &FleetView, needs: &Needs, now: Time) -> Vec<Check> {
         (is_free, names::phase(report.phase).to_owned())
     }));
     checks.push(reported("standing", report, no_go, |report| {
-        (report.standing.is_none(), report.standing.map_or("nothing", names::kind_name).to_owned())
+        (report.in_force.is_none(), report.in_force.map_or("nothing", names::kind_name).to_owned())
     }));
     checks.push(reported("vehicles", report, no_go, |report| {
         let unknown: Vec<VehicleId> =

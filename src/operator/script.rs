@@ -229,5 +229,6 @@ fn away(homes: &BTreeMap<VehicleId, Point>, view: &FleetView) -> BTreeSet<Vehicl
 pub fn is_at_home(state: &State, home: Point) -> bool {
     let is_returning = state.ordered.kind == Some(OrderKind::Return);
     let rests = state.leg.is_none() && matches!(state.mode, Mode::Idle | Mode::Held);
-    is_returning && rests && mission::is_at_home(state.pose.into(), home)
+    let is_there = state.pose.is_some_and(|pose| mission::is_at_home(pose.into(), home));
+    is_returning && rests && is_there
 }

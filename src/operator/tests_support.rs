@@ -1,8 +1,8 @@
 //! What the door's tests say in the name of vehicles and of the ground.
 
 use tomoswarm_proto::{
-    Boot, Lease, Message, Mode, Order, OrderKind, Ordered, PoseReport, Position, Report, Revision, RunId,
-    Sender, State, StationPhase, VehicleId,
+    Boot, Deviation, Heading, Lease, Message, Mode, Order, OrderKind, Ordered, Permille, PoseReport,
+    Position, Report, Revision, RunId, Sender, State, StationPhase, VehicleId,
 };
 
 use super::Heard;
@@ -21,18 +21,19 @@ pub fn heard(message: Message) -> Heard {
 
 /// A sound state of a vehicle that stands at (its number, 1).
 pub fn state(vehicle: u8) -> State {
-    let at = Position { x_m: f64::from(vehicle), y_m: 1.0, z_m: 0.0 };
+    let at = Position::from_metres(f64::from(vehicle), 1.0, 0.0);
     State {
         vehicle: VehicleId(vehicle),
         boot: Boot(1),
         sequence: 1,
-        pose: PoseReport { at, heading_rad: 0.0, sd_m: 0.05 },
-        speed_mps: 0.0,
+        pose: Some(PoseReport { at, heading: Heading(0), sd: Deviation(50) }),
+        is_at_rest: true,
         mode: Mode::Idle,
-        battery: 0.9,
+        battery: Some(Permille(900)),
         leg: None,
         accepted: (RunId(0), Revision(0)),
         ordered: Ordered::default(),
+        ..State::default()
     }
 }
 

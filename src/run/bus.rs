@@ -32,7 +32,7 @@ pub use crate::exchange::ingress::Heard;
 use crate::exchange::ingress::{Refusal, read};
 use crate::exchange::joining::Verdict;
 use crate::exchange::presence::Presence;
-use crate::exchange::table::{Class, Subject};
+use crate::exchange::table::Class;
 use crate::exchange::{Exchange, Reception};
 use crate::time::Time;
 
@@ -105,6 +105,8 @@ pub struct Traffic {
     pub taken_bytes: u64,
     /// Frames refused: not ours, impossible, too much, or not the sender's to say.
     pub refused: u64,
+    /// Frames of kinds that are not known here, dropped.
+    pub unknown: u64,
     /// Frames dropped before they were sent because too much waited, among them batches of samples beyond the second; what
     /// the network drops under congestion is not known.
     pub dropped: u64,
@@ -294,6 +296,7 @@ impl Mouth {
             taken: counts.taken,
             taken_bytes: counts.taken_bytes,
             refused: counts.refused,
+            unknown: counts.unknown,
             dropped: counts.dropped,
         }
     }
@@ -452,7 +455,8 @@ impl Shared {
             Class::Normal => (Priority::Data, false),
             Class::Low => (Priority::Background, false),
         };
-        let key = format!("{}/{}", self.settings.prefix, subjects::key(self.settings.node, frame.subject));
+        let key =
+            format!("{}/{}", self.settings.prefix, Key { sender: self.settings.node, topic: frame.topic });
         let put = session.put(&key, frame.frame).congestion_control(CongestionControl::Drop);
         if let Err(error) = put.priority(priority).express(is_express).wait() {
             tracing::debug!("not published under {key}: {error}");
@@ -493,10 +497,10 @@ impl Shared {
 /// Lets a message pass that came under the key that belongs to it; greetings are looked at wherever they come.
 fn under_its_key(heard: Heard, key: &str) -> Result<Heard, Refusal> {
     match &heard {
-        Heard::Message(sender, message) if subjects::key(*sender, Subject::of(message)) != key => {
+        Heard::Message(sender, message) if Key::of(*sender, message).to_string() != key => {
             Err(Refusal::NotItsToSay { sender: *sender })
         }
-        Heard::Message(..) | Heard::Greeting(..) => Ok(heard),
+        Heard::Message(..) | Heard::Greeting(..) | Heard::Unknown(_) => Ok(heard),
     }
 }
 

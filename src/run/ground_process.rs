@@ -98,7 +98,7 @@ pub fn run(
     let store = GroundStore::open(&state_dir.join("ground.sqlite"), &start)?;
     let holder = membership::draw()?;
     let source = source(file, state_dir.boot(), holder, &store)?;
-    let hello = membership::greeting(Sender::Ground, state_dir.boot(), &file.venue, &["plans", "images"])?;
+    let hello = membership::greeting(Sender::Ground, state_dir.boot(), &file.venue, Vec::new())?;
     let access = membership::access(Sender::Ground, &file.venue, &file.bus, Some(&state_dir))?;
     let bus = membership::bus_settings(Sender::Ground, &file.venue, &file.bus, access);
     let node = LiveGround::default();
@@ -200,7 +200,7 @@ impl Ear {
     fn is_of_swarm(&self, sender: Sender, message: &Message) -> bool {
         let is_own = match sender {
             Sender::Vehicle(vehicle) => self.expected.contains(&vehicle),
-            Sender::Ground | Sender::Operator => true,
+            Sender::Ground | Sender::Operator(_) => true,
         };
         let about = if let Message::Tile(tile) = message { Some(tile.layer.vehicle) } else { None };
         is_own && about.is_none_or(|vehicle| self.expected.contains(&vehicle))
@@ -227,12 +227,15 @@ impl Ear {
             | Message::Digest(_)
             | Message::Want(_)
             | Message::Plan(_)
-            | Message::Progress(_)
+            | Message::Mission(_)
             | Message::Order(_)
             | Message::Have(_)
             | Message::Beacon(_)
             | Message::Health(_)
-            | Message::Report(_) => self.node.tell(Event::Bus(sender, message)),
+            | Message::Report(_)
+            | Message::Standing(_)
+            | Message::Task(_)
+            | Message::Image(_) => self.node.tell(Event::Bus(sender, message)),
         }
     }
 }
@@ -277,14 +280,17 @@ impl Edge {
             Message::State(_)
             | Message::Digest(_)
             | Message::Want(_)
-            | Message::Progress(_)
+            | Message::Mission(_)
             | Message::Order(_)
             | Message::Have(_)
             | Message::Beacon(_)
             | Message::Health(_)
             | Message::Samples(_)
             | Message::Hello(_)
-            | Message::Tile(_) => self.mouth.publish(&message),
+            | Message::Tile(_)
+            | Message::Standing(_)
+            | Message::Task(_)
+            | Message::Image(_) => self.mouth.publish(&message),
         }
     }
 

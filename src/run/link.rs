@@ -95,7 +95,7 @@ pub enum FromWorld {
         rssi_dbm: i16,
     },
     /// The radio has not sent the beacon of this sequence: it was speaking, or the beacon is none that it could send.
-    Unsent(u64),
+    Unsent(u32),
     /// How it is going.
     Status(Status),
     /// Places of a track; fewer than [`PLACES_LIMIT`] are its end.

@@ -4,7 +4,7 @@ use std::fs::File;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
-use tomoswarm_proto::{Boot, Hello, Sender};
+use tomoswarm_proto::{Boot, Capability, Hello, OperatorId, Sender};
 
 use super::bus::{BusSettings, Topology, Trust};
 use super::state_dir::StateDir;
@@ -13,6 +13,9 @@ use crate::config::{BusFile, Endpoint, Topology as Named, Venue};
 
 /// Version of this software, as nodes say it of themselves.
 pub const SOFTWARE: &str = env!("CARGO_PKG_VERSION");
+
+/// Who gives commands: operators have numbers, and an operator's file says none yet.
+pub const OPERATOR: Sender = Sender::Operator(OperatorId(1));
 
 /// The machine gave no random number, so that nothing can be told apart.
 #[derive(Debug, thiserror::Error)]
@@ -93,11 +96,16 @@ fn keep_issue(path: &Path, issue: u64) -> std::io::Result<()> {
     std::fs::rename(&fresh, path)
 }
 
-/// Gives how a node greets.
+/// Gives how a node greets; `capabilities` are ascending. It has no name and asks for nothing but what all are told.
 ///
 /// # Errors
 /// The system gives no random numbers.
-pub fn greeting(node: Sender, boot: Boot, venue: &Venue, capabilities: &[&str]) -> Result<Hello, NoChance> {
+pub fn greeting(
+    node: Sender,
+    boot: Boot,
+    venue: &Venue,
+    capabilities: Vec<Capability>,
+) -> Result<Hello, NoChance> {
     Ok(Hello {
         node,
         boot,
@@ -105,8 +113,11 @@ pub fn greeting(node: Sender, boot: Boot, venue: &Venue, capabilities: &[&str]) 
         instance: draw()?,
         is_member: false,
         member_for_s: 0,
+        name: String::new(),
         software: SOFTWARE.to_owned(),
-        capabilities: capabilities.iter().map(|word| (*word).to_owned()).collect(),
+        capabilities,
+        lease: None,
+        interest: Vec::new(),
     })
 }
 

@@ -1,11 +1,12 @@
-//! Keys as the bus between processes writes them: `<sender>/<kind>[/<what it is about>]`, without the venue's prefix. The
-//! only place where they are text; who hears and says what is [`crate::exchange::table`]'s.
+//! What a node of the bus between processes subscribes to and writes under: key expressions, without the venue's prefix.
+//! How a key is written is the wire's ([`tomoswarm_proto::Key`]); who hears and says what is
+//! [`crate::exchange::table`]'s.
 //!
 //! In key expressions `*` is one part, `**` any number.
 
-use tomoswarm_proto::{Sender, VehicleId};
+use tomoswarm_proto::{Kind, Sender, VehicleId};
 
-use crate::exchange::table::{About, Audience, Row, Subject, TABLE, Topic, Vehicles};
+use crate::exchange::table::{Audience, Row, TABLE, Vehicles};
 
 /// Returns who hears a kind of message from one role.
 type Hearers = fn(&Row) -> Option<Audience>;
@@ -14,21 +15,8 @@ type Hearers = fn(&Row) -> Option<Audience>;
 const ROLES: [(&str, Hearers); 3] = [
     ("vehicle/*", |row| row.of_vehicle),
     ("ground", |row| row.of_ground),
-    ("operator", |row| row.of_operator),
+    ("operator/*", |row| row.of_operator),
 ];
-
-/// Returns the key of what a sender says about a subject.
-pub fn key(sender: Sender, subject: Subject) -> String {
-    let (who, what) = (sender.prefix(), subject.kind.row().word);
-    match subject.about {
-        About::Sender => format!("{who}/{what}"),
-        About::Vehicle(vehicle) => format!("{who}/{what}/{vehicle}"),
-        About::Layer(layer) => format!("{who}/{what}/{}/{}", layer.vehicle, layer.boot),
-        About::Tile(layer, at) => {
-            format!("{who}/{what}/{}/{}/{}/{}/{}", layer.vehicle, layer.boot, at.slice, at.x, at.y)
-        }
-    }
-}
 
 /// Returns the key expressions under which a node writes: all that begin with its own name.
 pub fn written_by(node: Sender) -> Vec<String> {
@@ -52,7 +40,7 @@ fn heard_of(node: Sender, role: &str, audience: Hearers) -> Vec<String> {
     let pattern = |(row, audience): &(&Row, Audience)| match node {
         Sender::Vehicle(id) => heard_by_vehicle(id, role, row, audience.vehicles),
         Sender::Ground => audience.ground.then(|| about_anything(role, row)),
-        Sender::Operator => audience.operators.then(|| about_anything(role, row)),
+        Sender::Operator(_) => audience.operators.then(|| about_anything(role, row)),
     };
     let heard: Vec<String> = on_the_bus.iter().filter_map(pattern).collect();
     let hears_all = !matches!(node, Sender::Vehicle(_)) && heard.len() == on_the_bus.len();
@@ -67,18 +55,27 @@ fn everything_of(role: &str) -> String {
 fn heard_by_vehicle(id: VehicleId, role: &str, row: &Row, vehicles: Vehicles) -> Option<String> {
     match vehicles {
         Vehicles::None => None,
-        Vehicles::Addressed => Some(format!("{role}/{}/{id}", row.word)),
+        Vehicles::Addressed => Some(format!("{role}/{}/{id}", row.kind)),
         Vehicles::All => Some(about_anything(role, row)),
     }
 }
 
 fn about_anything(role: &str, row: &Row) -> String {
-    let tail = match row.topic {
-        Topic::Sender => "",
-        Topic::Vehicle => "/*",
-        Topic::Layer | Topic::Tile => "/**",
+    let tail = match row.kind {
+        Kind::Hello
+        | Kind::State
+        | Kind::Digest
+        | Kind::Mission
+        | Kind::Samples
+        | Kind::Have
+        | Kind::Beacon
+        | Kind::Health
+        | Kind::Report
+        | Kind::Standing => "",
+        Kind::Plan | Kind::Order | Kind::Task => "/*",
+        Kind::Tile | Kind::Want | Kind::Image => "/**",
     };
-    format!("{role}/{}{tail}", row.word)
+    format!("{role}/{}{tail}", row.kind)
 }
 
 #[cfg(test)]
@@ -87,11 +84,21 @@ mod tests {
 
     use super::*;
     use crate::exchange::examples::examples;
-    use crate::exchange::table::{Kind, may_say};
-    use tomoswarm_proto::Key;
+    use crate::exchange::table::{may_say, row};
+    use tomoswarm_proto::{Key, OperatorId, Topic};
 
-    const NODES: [Sender; 4] =
-        [Sender::Vehicle(VehicleId(2)), Sender::Vehicle(VehicleId(3)), Sender::Ground, Sender::Operator];
+    const OPERATOR: Sender = Sender::Operator(OperatorId(1));
+    const NODES: [Sender; 5] = [
+        Sender::Vehicle(VehicleId(2)),
+        Sender::Vehicle(VehicleId(3)),
+        Sender::Ground,
+        OPERATOR,
+        Sender::Operator(OperatorId(2)),
+    ];
+
+    fn key(sender: Sender, topic: Topic) -> String {
+        Key { sender, topic }.to_string()
+    }
 
     /// Tells whether a key expression covers a key.
     fn covers(expression: &str, key: &str) -> bool {
@@ -113,7 +120,7 @@ mod tests {
     fn a_vehicle_hears_orders_to_itself_alone() {
         let heard = heard_by(Sender::Vehicle(VehicleId(3)));
         assert!(
-            heard.contains(&"ground/order/3".to_owned()) && heard.contains(&"operator/order/3".to_owned())
+            heard.contains(&"ground/order/3".to_owned()) && heard.contains(&"operator/*/order/3".to_owned())
         );
         assert!(
             !heard
@@ -134,15 +141,27 @@ mod tests {
             "ground/want/**",
             "vehicle/*/hello",
             "vehicle/*/state",
-            "vehicle/*/progress",
+            "vehicle/*/mission",
             "vehicle/*/digest",
             "vehicle/*/tile/**",
             "vehicle/*/want/**",
             "ground/order/3",
-            "operator/order/3",
-            "operator/hello",
+            "operator/*/order/3",
+            "operator/*/hello",
+            "ground/standing",
+            "vehicle/*/standing",
+            "operator/*/standing",
+            "operator/*/task/*",
         ];
-        let of_ground = ["vehicle/**", "ground/hello", "ground/report", "operator/hello"];
+        let of_ground = [
+            "vehicle/**",
+            "ground/hello",
+            "ground/report",
+            "ground/standing",
+            "operator/*/hello",
+            "operator/*/standing",
+            "operator/*/task/*",
+        ];
         let check = |node, expected: &[&str]| {
             let heard = heard_by(node);
             let distinct: BTreeSet<&str> = heard.iter().map(String::as_str).collect();
@@ -151,15 +170,15 @@ mod tests {
         };
         check(Sender::Vehicle(VehicleId(3)), &of_vehicle);
         check(Sender::Ground, &of_ground);
-        check(Sender::Operator, &["**"]);
+        check(OPERATOR, &["**"]);
     }
 
     #[test]
     fn a_key_is_what_the_wire_says_it_is() {
         for (word, message) in examples() {
             for sender in NODES {
-                let text = key(sender, Subject::of(&message));
-                assert_eq!(text, Key::of(sender, &message).as_str(), "{word}");
+                let text = key(sender, Topic::of(&message));
+                assert_eq!(text, Key::of(sender, &message).to_string(), "{word}");
                 assert_eq!(Key::sender(&text), Some(sender));
             }
         }
@@ -168,14 +187,15 @@ mod tests {
     #[test]
     fn a_node_subscribes_to_what_the_table_says_that_it_hears_and_to_no_more_of_what_may_be_said() {
         for (word, message) in examples() {
-            let (kind, subject) = (Kind::of(&message), Subject::of(&message));
+            let topic = Topic::of(&message);
             for (sender, node) in NODES.into_iter().flat_map(|sender| NODES.map(|node| (sender, node))) {
-                let Some(audience) = kind.row().audience(sender).filter(|audience| !audience.is_nobody())
+                let Some(audience) =
+                    row(topic.kind).audience(sender).filter(|audience| !audience.is_nobody())
                 else {
                     continue;
                 };
-                let is_heard = any_covers(&heard_by(node), &key(sender, subject));
-                assert_eq!(is_heard, audience.includes(node, subject.about), "{word} of {sender} by {node}");
+                let is_heard = any_covers(&heard_by(node), &key(sender, topic));
+                assert_eq!(is_heard, audience.includes(node, topic.about), "{word} of {sender} by {node}");
             }
         }
     }
@@ -184,7 +204,7 @@ mod tests {
     fn a_node_writes_under_its_own_keys_all_that_it_may_say_and_nothing_of_others() {
         for (_, message) in examples() {
             for (sender, node) in NODES.into_iter().flat_map(|sender| NODES.map(|node| (sender, node))) {
-                let key = key(sender, Subject::of(&message));
+                let key = key(sender, Topic::of(&message));
                 let is_written = any_covers(&written_by(node), &key);
                 assert!(!may_say(sender, &message) || sender != node || is_written, "{node}: {key}");
                 assert!(sender == node || !is_written, "{node} writes {key}");

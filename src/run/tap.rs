@@ -5,13 +5,14 @@ use std::collections::BTreeSet;
 
 use serde_json::{Value, json};
 use tomoswarm_proto::codec::Greeting;
-use tomoswarm_proto::{Message, Sender, VehicleId};
+use tomoswarm_proto::{Kind, Message, Sender, VehicleId};
 
 use super::bus::Heard;
-use crate::exchange::table::{Kind, WORDS};
 
-/// Kinds of messages as they are named on the command line and in the lines.
-pub const KINDS: &[&str] = &WORDS;
+/// Returns the kinds of messages as they are named on the command line and in the lines.
+pub fn kinds() -> [&'static str; Kind::ALL.len()] {
+    Kind::ALL.map(Kind::word)
+}
 
 /// What is wanted of all that is heard.
 #[derive(Clone, PartialEq, Eq, Debug, Default)]
@@ -29,11 +30,12 @@ impl Tapping {
     /// the clock of this machine.
     pub fn line(&self, received_s: f64, utc_s: f64, heard: &Heard) -> Option<Value> {
         let (sender, kind, message) = match heard {
-            Heard::Message(sender, message) => (*sender, kind(message), self.written(message)),
+            Heard::Message(sender, message) => (*sender, message.word(), self.written(message)),
             Heard::Greeting(greeting, Some(hello)) => {
                 (greeting.node, "hello", written(&Message::Hello(hello.clone())))
             }
             Heard::Greeting(greeting, None) => (greeting.node, "hello", foreign(greeting)),
+            Heard::Unknown(_) => return None,
         };
         let is_kind = self.kinds.is_empty() || self.kinds.contains(kind);
         let concerned = [of_sender(sender), addressee(heard)];
@@ -64,11 +66,6 @@ impl Tapping {
     }
 }
 
-/// Gives the kind of a message.
-pub fn kind(message: &Message) -> &'static str {
-    Kind::of(message).row().word
-}
-
 /// Gives the fields of a message, without its kind around them.
 fn written(message: &Message) -> Value {
     match serde_json::to_value(message) {
@@ -90,7 +87,7 @@ fn foreign(greeting: &Greeting) -> Value {
 fn of_sender(sender: Sender) -> Option<VehicleId> {
     match sender {
         Sender::Vehicle(vehicle) => Some(vehicle),
-        Sender::Ground | Sender::Operator => None,
+        Sender::Ground | Sender::Operator(_) => None,
     }
 }
 
@@ -99,7 +96,7 @@ fn addressee(heard: &Heard) -> Option<VehicleId> {
     match heard {
         Heard::Message(_, Message::Order(order)) => Some(order.vehicle),
         Heard::Message(_, Message::Plan(plan)) => Some(plan.vehicle),
-        Heard::Message(..) | Heard::Greeting(..) => None,
+        Heard::Message(..) | Heard::Greeting(..) | Heard::Unknown(_) => None,
     }
 }
 
@@ -126,8 +123,8 @@ mod tests {
             (&json!("state"), &json!(1.0), &json!(2.0))
         );
         assert_eq!(
-            (&line["message"]["pose"]["at"]["x_m"], &line["message"]["mode"]),
-            (&json!(3.0), &json!("Idle"))
+            (&line["message"]["pose"]["at"]["x_mm"], &line["message"]["mode"]),
+            (&json!(3000), &json!("Idle"))
         );
     }
 
@@ -138,8 +135,9 @@ mod tests {
             lease: Default::default(),
             run: Default::default(),
             revision: Default::default(),
-            seen_state: 0,
+            seen: None,
             kind: OrderKind::Hold,
+            ends: vec![],
         });
         let states = Tapping { kinds: ["state".to_owned()].into(), ..Tapping::default() };
         assert!(line(&states, Message::State(state(1))).is_some() && line(&states, order.clone()).is_none());
@@ -177,7 +175,7 @@ mod tests {
 
     #[test]
     fn every_kind_can_be_asked_for() {
-        assert!(KINDS.contains(&kind(&Message::Report(report()))));
-        assert_eq!(KINDS.len(), 13);
+        assert!(kinds().contains(&Message::Report(report()).word()));
+        assert_eq!(kinds().len(), 16);
     }
 }

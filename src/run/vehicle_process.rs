@@ -9,7 +9,10 @@ use std::path::Path;
 use std::sync::{Arc, Mutex};
 use std::time::{Duration, SystemTime};
 
-use tomoswarm_proto::{Health, Message, Mode, Sender, State, VehicleId};
+use tomoswarm_proto::{
+    AutopilotFamily, AutopilotHealth, BodyKind, Capability, Health, Message, Mode, RadioKind,
+    RangeSensorKind, Sender, ServoKind, State, VehicleId,
+};
 
 use super::bus::{BusError, Mouth};
 use super::clock::Clock;
@@ -46,6 +49,14 @@ const AUTOPILOT_SILENT: Duration = Duration::from_secs(2);
 const RANGE_SILENT: Duration = Duration::from_secs(3);
 /// Who was in the ring when a beacon was sent is heard for so long.
 const HEARS_FOR: Duration = Duration::from_secs(5);
+
+/// What a vehicle has: all of its drivers are simulated today, and its autopilot is a rover's.
+const CAPABILITIES: [Capability; 4] = [
+    Capability::Autopilot(AutopilotFamily::Simulated, BodyKind::Rover),
+    Capability::RangeSensor(RangeSensorKind::Simulated),
+    Capability::Servo(ServoKind::Simulated),
+    Capability::Radio(RadioKind::Simulated),
+];
 
 /// Why a vehicle's process cannot begin.
 #[derive(Debug, thiserror::Error)]
@@ -168,7 +179,7 @@ pub fn run(
     let state_dir = StateDir::open(Path::new(&file.state_dir))?;
     let settings = Settings::from_vehicle_file(file, state_dir.boot());
     let sender = Sender::Vehicle(file.id);
-    let hello = membership::greeting(sender, state_dir.boot(), &file.venue, &["range", "radio"])?;
+    let hello = membership::greeting(sender, state_dir.boot(), &file.venue, CAPABILITIES.to_vec())?;
     let node = LiveVehicle::default();
     let told = node.clone();
     let access = membership::access(sender, &file.venue, &file.bus, Some(&state_dir))?;
@@ -314,8 +325,10 @@ impl Edge {
 
     fn health(&self, settings: &Settings, state_dir: &StateDir, troubles: &Troubles) -> Health {
         let last = lock(&self.last);
-        let (tally, hears) = (last.tally, last.hears(self.clock.now()));
+        let (tally, hears, is_heard) = (last.tally, last.hears(self.clock.now()), last.state.is_some());
         drop(last);
+        let traffic = self.mouth.traffic();
+        // What the simulated devices have done is not counted here.
         Health {
             vehicle: settings.vehicle,
             boot: settings.boot,
@@ -323,8 +336,12 @@ impl Edge {
             samples_waiting: tally.waiting,
             samples_lost: tally.lost + self.outbox.health().overrun,
             inputs_dropped: self.node.dropped(),
+            frames_refused: traffic.refused,
+            frames_unknown: traffic.unknown,
             disk_free_mb: state_dir.free_mb(),
+            autopilot: is_heard.then(AutopilotHealth::default),
             troubles: short(troubles.list()),
+            ..Health::default()
         }
     }
 

@@ -59,7 +59,7 @@ impl Air {
     /// frame: then it is not sent, and its sequence shows as a miss.
     pub fn begin(&mut self, now: Time, from: usize, place: Point, beacon: Beacon) -> Option<(u64, Time)> {
         let (channel, power_dbm) = (beacon.channel, beacon.power_dbm);
-        let key = [u64::from(beacon.sender.0), u64::from(beacon.boot.0), beacon.sequence];
+        let key = [u64::from(beacon.sender.0), u64::from(beacon.boot.0), beacon.sequence.into()];
         let frame = codec::encode(&Message::Beacon(beacon)).ok()?.into();
         self.count += 1;
         let sent = Sent { from, place, channel, power_dbm, key, frame };
@@ -90,16 +90,15 @@ mod tests {
     use super::*;
     use tomoswarm_proto::{Boot, VehicleId};
 
-    fn beacon(sender: u8, sequence: u64, channel: u8) -> Beacon {
+    fn beacon(sender: u8, sequence: u32, channel: u8) -> Beacon {
         Beacon {
             sender: VehicleId(sender),
             boot: Boot(7),
             sequence,
-            pose: Default::default(),
+            pose: Some(Default::default()),
             channel,
             power_dbm: 3,
-            members: Vec::new(),
-            progress: Default::default(),
+            ..Beacon::default()
         }
     }
 

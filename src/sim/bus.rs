@@ -8,12 +8,12 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::time::Duration;
 
-use tomoswarm_proto::codec::{DecodeError, EncodeError, decode, encode};
-use tomoswarm_proto::{Message, VehicleId};
+use tomoswarm_proto::codec::{DecodeError, Decoded, EncodeError, decode, encode};
+use tomoswarm_proto::{About, Message, Topic, VehicleId};
 
 use super::noise::{Noise, Purpose};
 use crate::config::Partition;
-use crate::exchange::table::{About, Subject, Vehicles};
+use crate::exchange::table::{Vehicles, row};
 use crate::time::Time;
 
 /// A node of the swarm: the ground station or a vehicle.
@@ -56,7 +56,7 @@ pub struct Frame {
     sender: NodeId,
     bytes: usize,
     /// What decoding the bytes gave; the same for every receiver.
-    read: Result<Message, DecodeError>,
+    read: Result<Decoded, DecodeError>,
 }
 
 impl Frame {
@@ -65,8 +65,12 @@ impl Frame {
     /// # Errors
     /// The message is too long for a frame.
     pub fn new(sender: NodeId, message: &Message) -> Result<Frame, EncodeError> {
-        let bytes = encode(message)?;
-        Ok(Frame { sender, bytes: bytes.len(), read: decode(&bytes) })
+        Ok(Frame::of_bytes(sender, &encode(message)?))
+    }
+
+    /// Reads bytes as its receivers will, whatever they hold.
+    pub fn of_bytes(sender: NodeId, bytes: &[u8]) -> Frame {
+        Frame { sender, bytes: bytes.len(), read: decode(bytes) }
     }
 
     /// Returns who said it.
@@ -87,7 +91,7 @@ pub struct Delivery {
     pub at: Time,
     /// Whom.
     pub to: NodeId,
-    /// What arrives, for [`deliver`].
+    /// What arrives, for [`Bus::deliver`].
     pub frame: Arc<Frame>,
 }
 
@@ -104,6 +108,8 @@ pub struct Traffic {
     pub delivered_bytes: u64,
     /// Messages for it that were dropped or cut off.
     pub lost_messages: u64,
+    /// Deliveries to it of kinds that are not known, which nobody was told of.
+    pub unknown_messages: u64,
 }
 
 /// Bytes sent, by the word of the message's kind.
@@ -135,13 +141,19 @@ impl Bus {
         message: &Message,
         receivers: &[NodeId],
     ) -> Result<Vec<Delivery>, EncodeError> {
-        let frame = Arc::new(Frame::new(sender, message)?);
+        let frame = Frame::new(sender, message)?;
         let bytes = frame.bytes() as u64;
+        *self.sent_by_kind.entry(sender).or_default().entry(message.word()).or_default() += bytes;
+        Ok(self.carry(now, frame, receivers))
+    }
+
+    /// Carries a frame to receivers as [`Bus::send`] does.
+    pub fn carry(&mut self, now: Time, frame: Frame, receivers: &[NodeId]) -> Vec<Delivery> {
+        let (sender, bytes, frame) = (frame.sender, frame.bytes() as u64, Arc::new(frame));
         let traffic = self.traffic.entry(sender).or_default();
         let count = traffic.sent_messages;
         traffic.sent_messages += 1;
         traffic.sent_bytes += bytes;
-        *self.sent_by_kind.entry(sender).or_default().entry(message.word()).or_default() += bytes;
         let mut deliveries = Vec::with_capacity(receivers.len());
         for to in receivers.iter().copied().filter(|to| *to != sender) {
             let copies = self.copies(now, sender, to, count);
@@ -154,7 +166,22 @@ impl Bus {
                 Delivery { at, to, frame: frame.clone() }
             }));
         }
-        Ok(deliveries)
+        deliveries
+    }
+
+    /// Reads a frame that was delivered to a node; `None` when it is of a kind that is not known: that is counted, and
+    /// nothing else comes of it.
+    ///
+    /// # Errors
+    /// The frame holds values that no message may have.
+    pub fn deliver<'a>(&mut self, to: NodeId, frame: &'a Frame) -> Result<Option<Message>, &'a DecodeError> {
+        match frame.read.as_ref()? {
+            Decoded::Message(message) => Ok(Some(message.clone())),
+            Decoded::Unknown(_) => {
+                self.traffic.entry(to).or_default().unknown_messages += 1;
+                Ok(None)
+            }
+        }
     }
 
     /// Tells whether two nodes hear each other at a moment.
@@ -187,14 +214,6 @@ impl Bus {
     }
 }
 
-/// Reads a frame that was delivered.
-///
-/// # Errors
-/// The frame holds values that no message may have.
-pub fn deliver(frame: &Frame) -> Result<Message, &DecodeError> {
-    frame.read.as_ref().map(Message::clone)
-}
-
 /// Returns who hears what a sender says, in a swarm of these vehicles and a ground station: the vehicles first, in the order
 /// that is given. There is no operator on the simulated bus.
 pub fn receivers(
@@ -202,18 +221,20 @@ pub fn receivers(
     message: &Message,
     vehicles: impl Iterator<Item = VehicleId>,
 ) -> Vec<NodeId> {
-    let subject = Subject::of(message);
-    let Some(audience) = subject.kind.row().audience(sender) else { return Vec::new() };
+    let topic = Topic::of(message);
+    let Some(audience) = row(topic.kind).audience(sender) else { return Vec::new() };
     let ground = audience.ground.then_some(NodeId::Ground);
-    match (audience.vehicles, subject.about) {
+    match (audience.vehicles, topic.about) {
         (Vehicles::All, _) => vehicles.map(NodeId::Vehicle).chain(ground).collect(),
         // An order for a vehicle that is not there is lost as any other can be.
         (Vehicles::Addressed, About::Vehicle(vehicle)) => {
             [NodeId::Vehicle(vehicle)].into_iter().chain(ground).collect()
         }
-        (Vehicles::Addressed, About::Sender | About::Layer(_) | About::Tile(..)) | (Vehicles::None, _) => {
-            ground.into_iter().collect()
-        }
+        (
+            Vehicles::Addressed,
+            About::Whole | About::Run(_) | About::Layer(_) | About::Tile(..) | About::Part(..),
+        )
+        | (Vehicles::None, _) => ground.into_iter().collect(),
     }
 }
 
@@ -221,7 +242,7 @@ fn number(node: NodeId) -> u64 {
     match node {
         NodeId::Ground => 0,
         NodeId::Vehicle(vehicle) => 1 + u64::from(vehicle.0),
-        NodeId::Operator => 257,
+        NodeId::Operator(operator) => 257 + u64::from(operator.0),
     }
 }
 
@@ -230,14 +251,15 @@ mod tests {
     use super::*;
     use crate::exchange::examples::examples;
     use crate::exchange::table::may_say;
-    use tomoswarm_proto::{Progress, RunId, TileAddress, Want};
+    use tomoswarm_proto::{Kind, Mission, Progress, RunId, TileAddress, Want};
 
     const A: NodeId = NodeId::Vehicle(VehicleId(1));
     const B: NodeId = NodeId::Vehicle(VehicleId(2));
     const ALL: [NodeId; 3] = [NodeId::Ground, A, B];
 
     fn message(run: u32) -> Message {
-        Message::Progress(Progress { run: RunId(run), ..Progress::default() })
+        let progress = Progress { run: RunId(run), ..Progress::default() };
+        Message::Mission(Mission { vehicle: VehicleId(1), progress, ..Mission::default() })
     }
 
     fn send_many(model: BusModel, count: u32) -> (Bus, Vec<Delivery>) {
@@ -248,10 +270,10 @@ mod tests {
 
     #[test]
     fn everybody_but_the_sender_reads_what_was_sent_within_the_delay() {
-        let (_, sent) = send_many(BusModel::default(), 200);
+        let (mut bus, sent) = send_many(BusModel::default(), 200);
         for (index, delivery) in sent.iter().enumerate() {
             assert_eq!(delivery.to, [NodeId::Ground, B][index % 2]);
-            assert_eq!(deliver(&delivery.frame), Ok(message(index as u32 / 2)));
+            assert_eq!(bus.deliver(delivery.to, &delivery.frame), Ok(Some(message(index as u32 / 2))));
             let bounds = Duration::from_millis(5)..=Duration::from_millis(15);
             assert!(bounds.contains(&delivery.at.since(Time::ZERO)));
         }
@@ -285,7 +307,7 @@ mod tests {
         assert_eq!(bus.traffic()[&A].sent_bytes * 2, bytes);
         assert_eq!(bus.traffic()[&B].delivered_bytes * 2, bytes);
         assert_eq!(bus.traffic()[&A].delivered_messages, 0);
-        let by_kind = BTreeMap::from([("progress", bus.traffic()[&A].sent_bytes)]);
+        let by_kind = BTreeMap::from([("mission", bus.traffic()[&A].sent_bytes)]);
         assert_eq!(bus.sent_by_kind(), &BTreeMap::from([(A, by_kind)]));
     }
 
@@ -331,9 +353,11 @@ mod tests {
             | Message::Tile(_)
             | Message::Digest(_)
             | Message::Want(_)
-            | Message::Progress(_)
+            | Message::Mission(_)
+            | Message::Standing(_)
+            | Message::Task(_)
             | Message::Hello(_) => vec![A, B, NodeId::Ground],
-            Message::Beacon(_) => Vec::new(),
+            Message::Beacon(_) | Message::Image(_) => Vec::new(),
         }
     }
 
@@ -348,6 +372,20 @@ mod tests {
                 assert_eq!(others(heard_by), others(subscribers(&message)), "{word} of {sender}");
             }
         }
+    }
+
+    #[test]
+    fn a_message_of_an_unknown_kind_is_carried_counted_and_told_to_nobody() {
+        let mut bus = Bus::new(Noise::new(1), BusModel::default());
+        let mut bytes = encode(&message(1)).unwrap();
+        bytes[3] = Kind::ALL.len() as u8;
+        let sent = bus.carry(Time::ZERO, Frame::of_bytes(A, &bytes), &ALL);
+        assert_eq!(sent.len(), 2);
+        for delivery in sent {
+            assert_eq!(bus.deliver(delivery.to, &delivery.frame), Ok(None));
+        }
+        let unknown = |node| bus.traffic()[&node].unknown_messages;
+        assert_eq!((unknown(NodeId::Ground), unknown(A), unknown(B)), (1, 0, 1));
     }
 
     #[test]
@@ -366,6 +404,6 @@ mod tests {
         };
         assert!(bus.send(Time::ZERO, A, &want(100_000), &ALL).is_err());
         let sent = bus.send(Time::ZERO, A, &want(4097), &ALL).unwrap();
-        assert!(deliver(&sent[0].frame).is_err());
+        assert!(bus.deliver(sent[0].to, &sent[0].frame).is_err());
     }
 }

@@ -19,10 +19,11 @@ mod tests;
 use std::sync::Arc;
 use std::time::Duration;
 
-use tomoswarm_proto::{Message, VehicleId, codec};
+use tomoswarm_proto::codec::{self, Decoded};
+use tomoswarm_proto::{Message, VehicleId};
 
 pub(super) use self::recorded::Recording;
-use super::bus::{Bus, Frame, NodeId, deliver, receivers};
+use super::bus::{Bus, Frame, NodeId, receivers};
 use super::disk::Disk;
 use super::environment::{DeviceCommand, Environment, WorldEvent};
 use super::faults::{Faults, Turn};
@@ -393,7 +394,7 @@ impl Kernel {
     }
 
     fn hear(&mut self, frame: &[u8], receivers: &[(usize, i16)]) -> Result<(), Fault> {
-        let Ok(Message::Beacon(beacon)) = codec::decode(frame) else { return Ok(()) };
+        let Ok(Decoded::Message(Message::Beacon(beacon))) = codec::decode(frame) else { return Ok(()) };
         for (to, rssi_dbm) in receivers {
             let heard = Heard { beacon: beacon.clone(), rssi_dbm: *rssi_dbm };
             self.tell(*to, node::Event::Heard(heard))?;
@@ -411,8 +412,9 @@ impl Kernel {
     }
 
     fn deliver(&mut self, to: NodeId, frame: &Frame) -> Result<(), Fault> {
-        let message = match deliver(frame) {
-            Ok(message) => message,
+        let message = match self.bus.deliver(to, frame) {
+            Ok(Some(message)) => message,
+            Ok(None) => return Ok(()),
             Err(error) => {
                 self.log("bus", format_args!("a frame was refused: {error}"));
                 return Ok(());
@@ -423,7 +425,7 @@ impl Kernel {
         match to {
             NodeId::Ground => self.tell_ground(ground::Event::Bus(sender, message)),
             // In the simulation the scenario is the operator.
-            NodeId::Operator => Ok(()),
+            NodeId::Operator(_) => Ok(()),
             NodeId::Vehicle(id) => match self.index_of(id) {
                 Some(vehicle) => self.tell(vehicle, node::Event::Bus(sender, message)),
                 None => Ok(()),

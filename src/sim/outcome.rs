@@ -187,7 +187,7 @@ impl Outcome {
     pub fn bus_bytes_per_vehicle_s(&self) -> f64 {
         let of_vehicle = |(node, sent): (&NodeId, &BytesByKind)| match node {
             NodeId::Vehicle(_) => sent.values().sum(),
-            NodeId::Ground | NodeId::Operator => 0,
+            NodeId::Ground | NodeId::Operator(_) => 0,
         };
         let bytes: u64 = self.bus_bytes.iter().map(of_vehicle).sum();
         bytes as f64 / self.simulated.as_secs_f64().max(1e-9) / self.tracks.len().max(1) as f64

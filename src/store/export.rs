@@ -4,7 +4,7 @@
 use std::fmt::Write as _;
 
 use serde_json::{Value, json};
-use tomoswarm_proto::{PoseReport, Position};
+use tomoswarm_proto::PoseReport;
 
 use super::ground::{StoredImage, StoredSample};
 use crate::config::Venue;
@@ -25,8 +25,10 @@ pub fn sample_line(text: &mut String, stored: &StoredSample) {
         utc_s.map_or_else(Default::default, |(utc_s, error_s)| (utc_text(utc_s), format!("{error_s:.3}")));
     let heard_at_s = sample.heard_at_ns as f64 / 1e9;
     let pose = |pose: &PoseReport| {
-        let PoseReport { at: Position { x_m, y_m, z_m }, heading_rad, sd_m } = pose;
-        format!("{x_m:.4},{y_m:.4},{z_m:.4},{heading_rad:.5},{sd_m:.4}")
+        let PoseReport { at, heading, sd } = pose;
+        let sd_m = sd.metres().map(|sd_m| format!("{sd_m:.4}")).unwrap_or_default();
+        let heading_rad = heading.radians();
+        format!("{:.4},{:.4},{:.4},{heading_rad:.5},{sd_m}", at.x_m(), at.y_m(), at.z_m())
     };
     let (tx, rx) = (pose(&sample.transmitter_pose), pose(&sample.receiver_pose));
     let rssi = sample.rssi_dbm.map(|rssi_dbm| rssi_dbm.to_string()).unwrap_or_default();

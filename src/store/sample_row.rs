@@ -1,7 +1,7 @@
 //! A sample as columns of a table, the same in a vehicle's outbox and in the ground's store.
 
 use rusqlite::{Row, Statement};
-use tomoswarm_proto::{PoseReport, Position, Sample, VehicleId};
+use tomoswarm_proto::{Deviation, Heading, PoseReport, Position, Sample, VehicleId};
 
 /// The columns of a sample, as they are created.
 pub(super) const DEFINITIONS: &str = "
@@ -32,8 +32,11 @@ pub(super) fn bind(statement: &mut Statement, first: usize, sample: &Sample) -> 
     statement.raw_bind_parameter(first + 1, heard_at_s(sample))?;
     statement.raw_bind_parameter(first + 2, sample.transmitter.0)?;
     for (at, pose) in [(first + 3, &sample.transmitter_pose), (first + 8, &sample.receiver_pose)] {
-        let PoseReport { at: Position { x_m, y_m, z_m }, heading_rad, sd_m } = *pose;
-        for (offset, number) in [x_m, y_m, z_m, heading_rad, sd_m].into_iter().enumerate() {
+        let PoseReport { at: place, heading, sd } = *pose;
+        let place_m = [place.x_m(), place.y_m(), place.z_m()];
+        // What is not known is NULL.
+        let numbers = place_m.into_iter().chain([heading.radians(), sd.metres().unwrap_or(f64::NAN)]);
+        for (offset, number) in numbers.enumerate() {
             statement.raw_bind_parameter(at + offset, number)?;
         }
     }
@@ -49,8 +52,9 @@ pub(super) fn read(row: &Row, first: usize) -> rusqlite::Result<Sample> {
         let number = |offset: usize| {
             Ok::<_, rusqlite::Error>(row.get::<_, Option<f64>>(at + offset)?.unwrap_or(f64::NAN))
         };
-        let place = Position { x_m: number(0)?, y_m: number(1)?, z_m: number(2)? };
-        Ok(PoseReport { at: place, heading_rad: number(3)?, sd_m: number(4)? })
+        let place = Position::from_metres(number(0)?, number(1)?, number(2)?);
+        let (heading, sd) = (Heading::from_radians(number(3)?), Deviation::from_metres(number(4)?));
+        Ok(PoseReport { at: place, heading, sd })
     };
     Ok(Sample {
         sequence: row.get::<_, i64>(first)?.cast_unsigned(),

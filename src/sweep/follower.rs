@@ -42,9 +42,9 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
-use tomoswarm_proto::{Boot, Plan, Progress, Revision, RunId, Stop, StopId, VehicleId};
+use tomoswarm_proto::{Boot, Plan, Revision, RunId, Stop, StopId, VehicleId};
 
-use super::{FollowError, LOWER_BOOT_AFTER, Refusal, Verdict, WaitsFor, validate};
+use super::{FollowError, LOWER_BOOT_AFTER, Refusal, VehicleProgress, Verdict, WaitsFor, validate};
 use crate::geom::Point;
 use crate::time::{Deadline, Time};
 
@@ -139,7 +139,7 @@ impl Follower {
     }
 
     /// Takes a peer's progress, from the bus or by radio; late and repeated ones do no harm.
-    pub fn hear(&mut self, now: Time, progress: &Progress) {
+    pub fn hear(&mut self, now: Time, progress: &VehicleProgress) {
         if progress.vehicle == self.vehicle {
             return;
         }
@@ -154,7 +154,7 @@ impl Follower {
         self.wake(now);
     }
 
-    fn note_member(&mut self, progress: &Progress) {
+    fn note_member(&mut self, progress: &VehicleProgress) {
         if self.adopted_edition() != Some((progress.run, progress.revision)) {
             return;
         }
@@ -165,7 +165,7 @@ impl Follower {
         member.done = member.done.max(done);
     }
 
-    fn note_peer(&mut self, now: Time, progress: &Progress) {
+    fn note_peer(&mut self, now: Time, progress: &VehicleProgress) {
         let newest = (progress.run, progress.revision);
         let heard = Peer { boot: progress.boot, newest, at_rest: progress.leg.is_none(), heard_at: now };
         let peer = self.peers.entry(progress.vehicle).or_insert(heard);
@@ -313,14 +313,14 @@ impl Follower {
     }
 
     /// Gives the progress to publish (its boot is for the caller to fill in), on change and again and again, also before any plan is there.
-    pub fn progress(&self) -> Progress {
-        let nothing = Progress { vehicle: self.vehicle, ..Progress::default() };
+    pub fn progress(&self) -> VehicleProgress {
+        let nothing = VehicleProgress { vehicle: self.vehicle, ..VehicleProgress::default() };
         let Some(adopted) = &self.adopted else { return nothing };
         let (run, revision) = edition_of(&adopted.plans[adopted.own]);
         let id = |count: usize| count.checked_sub(1).map(|last| adopted.stops()[last].id);
         let leg = if adopted.is_driving() { id(adopted.entered) } else { None };
         let done = id(adopted.done);
-        Progress { run, revision, done, leg, ..nothing }
+        VehicleProgress { run, revision, done, leg, ..nothing }
     }
 
     /// Tells whether every stop of the revision followed is done and no newer revision is known.
@@ -445,7 +445,7 @@ mod tests {
         let lane_m = 5.0 * f64::from(vehicle.0);
         let stop = |number: u32| Stop {
             id: StopId(number),
-            at: Position { x_m: f64::from(number), y_m: lane_m, z_m: 0.0 },
+            at: Position::from_metres(f64::from(number), lane_m, 0.0),
             route: vec![],
             dwell_ms: 0,
             dwell_limit_ms: 0,
@@ -457,16 +457,16 @@ mod tests {
             run: RunId(1),
             revision: Revision(revision),
             members: vec![ONE, TWO],
-            start: Position { x_m: 0.0, y_m: lane_m, z_m: 0.0 },
+            start: Position::from_metres(0.0, lane_m, 0.0),
             stops: (1..=stops).map(stop).collect(),
             ..Plan::default()
         }
     }
 
-    fn peer(revision: u32, done: Option<u32>, leg: Option<u32>) -> Progress {
+    fn peer(revision: u32, done: Option<u32>, leg: Option<u32>) -> VehicleProgress {
         let (run, revision) = (RunId(1), Revision(revision));
         let (done, leg) = (done.map(StopId), leg.map(StopId));
-        Progress { vehicle: TWO, run, revision, done, leg, ..Progress::default() }
+        VehicleProgress { vehicle: TWO, run, revision, done, leg, ..VehicleProgress::default() }
     }
 
     fn at(x_m: f64) -> Point {
@@ -524,7 +524,7 @@ mod tests {
         assert_eq!(follower.may_enter(0).map(|stop| stop.id), Some(StopId(3)));
         assert_eq!(
             follower.progress(),
-            Progress { vehicle: ONE, leg: Some(StopId(2)), ..peer(2, None, None) }
+            VehicleProgress { vehicle: ONE, leg: Some(StopId(2)), ..peer(2, None, None) }
         );
         follower.arrive(second(3.0), StopId(1), at(1.0)).unwrap();
         assert_eq!(follower.progress().done, Some(StopId(1)));
@@ -541,7 +541,7 @@ mod tests {
         assert_eq!(follower.offer(&plan(ONE, 3, 0)), Verdict::Kept);
         assert_eq!(follower.progress().revision, Revision(2));
         follower.arrive(second(2.0), StopId(1), at(1.0)).unwrap();
-        assert_eq!(follower.progress(), Progress { vehicle: ONE, ..peer(3, None, None) });
+        assert_eq!(follower.progress(), VehicleProgress { vehicle: ONE, ..peer(3, None, None) });
         assert!(follower.finished());
         assert_eq!(follower.offer(&plan(ONE, 2, 3)), Verdict::Old);
     }
@@ -558,7 +558,7 @@ mod tests {
         assert!(follower.hold(at(0.7)));
         assert!(follower.entered().is_empty());
         let mut next = plan(ONE, 4, 1);
-        next.start = Position { x_m: 0.8, y_m: 5.0, z_m: 0.0 };
+        next.start = Position::from_metres(0.8, 5.0, 0.0);
         follower.offer(&plan(TWO, 4, 1));
         assert_eq!(follower.offer(&next), Verdict::Adopted);
     }
@@ -568,7 +568,7 @@ mod tests {
         let mut follower = following(&plan(ONE, 2, 3));
         follower.hear(second(1.0), &peer(2, None, None));
         let mut next = plan(ONE, 3, 0);
-        next.start.x_m = 2.0;
+        next.start.x_mm = 2000;
         follower.offer(&next);
         let verdict = follower.offer(&plan(TWO, 3, 4));
         assert!(matches!(verdict, Verdict::Refused(Refusal::Elsewhere { .. })), "{verdict:?}");
@@ -599,7 +599,7 @@ mod tests {
         follower.offer(&plan(TWO, 7, 2));
         let verdict = follower.offer(&plan(ONE, 7, 2));
         assert!(matches!(verdict, Verdict::Refused(Refusal::NotStopped { .. })), "{verdict:?}");
-        assert_eq!(follower.progress(), Progress { vehicle: ONE, ..Progress::default() });
+        assert_eq!(follower.progress(), VehicleProgress { vehicle: ONE, ..VehicleProgress::default() });
     }
 
     #[test]
@@ -644,7 +644,7 @@ mod tests {
 
     #[test]
     fn a_peer_that_lost_its_count_of_starts_is_believed_after_a_silence() {
-        let of = |boot: u32, leg: Option<u32>| Progress { boot: Boot(boot), ..peer(2, None, leg) };
+        let of = |boot: u32, leg: Option<u32>| VehicleProgress { boot: Boot(boot), ..peer(2, None, leg) };
         for (heard_s, rests) in [(30.9, false), (31.1, true)] {
             let mut own = plan(ONE, 2, 1);
             (own.stops[0].dwell_ms, own.stops[0].dwell_limit_ms) = (1000, 60_000);

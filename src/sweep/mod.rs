@@ -23,6 +23,7 @@ mod schedule;
 mod separation;
 mod snap;
 mod succession;
+mod vehicle_progress;
 mod verdict;
 
 pub use error::{PlanError, SweepError};
@@ -41,6 +42,7 @@ pub use schedule::{Lap, Schedule, Sweep, expected_duration_s, has_done};
 pub use separation::check_separation;
 pub use snap::snap_to_boundary;
 pub use succession::{Phase, Succession};
+pub use vehicle_progress::VehicleProgress;
 pub use verdict::{FollowError, Refusal, Verdict, WaitsFor};
 
 /// After so long a silence of a vehicle a lower count of its starts is believed: its disk is a new one, and it counts from

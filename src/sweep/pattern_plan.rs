@@ -241,7 +241,7 @@ mod tests {
     use proptest::prelude::*;
     use std::collections::BTreeSet;
     use tomoswarm_proto::Message;
-    use tomoswarm_proto::codec::{decode, encode};
+    use tomoswarm_proto::codec::{Decoded, decode, encode};
 
     const KINDS: [PatternKind; 3] = [PatternKind::Calibrate, PatternKind::Fan, PatternKind::FanStraight];
 
@@ -331,7 +331,8 @@ mod tests {
         for plan in &sweep.plans {
             let message = Message::Plan(plan.clone());
             let bytes = encode(&message).unwrap();
-            assert_eq!(decode(&bytes).unwrap(), message, "{} stops, {} bytes", plan.stops.len(), bytes.len());
+            let read = decode(&bytes).unwrap();
+            assert_eq!(read, Decoded::Message(message), "{} stops, {} bytes", plan.stops.len(), bytes.len());
         }
         assert_eq!(planned(60).unwrap_err(), SweepError::TooManyStops { stops: 118 * 234 + 1, limit: 4096 });
     }

@@ -226,7 +226,7 @@ mod tests {
     const TWO: VehicleId = VehicleId(2);
 
     fn position((x_m, y_m): (f64, f64)) -> Position {
-        Position { x_m, y_m, z_m: 0.0 }
+        Position::from_metres(x_m, y_m, 0.0)
     }
 
     fn plan(vehicle: VehicleId, start: (f64, f64), stops: &[(f64, f64)]) -> Plan {

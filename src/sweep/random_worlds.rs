@@ -5,9 +5,9 @@
 
 use std::collections::BTreeMap;
 
-use tomoswarm_proto::{Plan, Position, Progress, Revision, RunId, Stop, StopId, VehicleId};
+use tomoswarm_proto::{Plan, Position, Revision, RunId, Stop, StopId, VehicleId};
 
-use super::{Follower, Phase, Succession, WaitsFor, check_separation, order_legs};
+use super::{Follower, Phase, Succession, VehicleProgress, WaitsFor, check_separation, order_legs};
 use crate::geom::{Point, Track};
 use crate::time::Time;
 
@@ -60,8 +60,9 @@ impl Dice {
         self.below(10_001) as f64 * 1e-4 * FIELD_M
     }
 
+    /// Returns a point of whole millimetres, as points of plans are.
     fn point(&mut self) -> Point {
-        Point::new(self.metres(), self.metres())
+        Position::from(Point::new(self.metres(), self.metres())).into()
     }
 }
 
@@ -80,8 +81,8 @@ struct Body {
 /// A message on its way: when it comes, to whom, and what.
 enum Letter {
     Plan(usize, usize),
-    Progress(usize, Progress),
-    ToGround(Progress),
+    Progress(usize, VehicleProgress),
+    ToGround(VehicleProgress),
 }
 
 struct World {
@@ -269,8 +270,12 @@ impl World {
             for body in &mut self.bodies {
                 let revision = body.follower.progress().revision;
                 for plan in self.current.iter().map(|index| &self.published[*index]) {
-                    let lie =
-                        Progress { vehicle: plan.vehicle, run: RunId(1), revision, ..Progress::default() };
+                    let lie = VehicleProgress {
+                        vehicle: plan.vehicle,
+                        run: RunId(1),
+                        revision,
+                        ..VehicleProgress::default()
+                    };
                     body.follower.hear(now, &lie);
                 }
             }

@@ -381,7 +381,7 @@ mod tests {
     #[test]
     fn laps_are_done_when_all_have_ended_them() {
         let sweep = rotating_gap(&square(20.0, 76), &request(homes(2), 0..3)).unwrap();
-        let report = |plan: &Plan, done: u32| tomoswarm_proto::Progress {
+        let report = |plan: &Plan, done: u32| crate::sweep::VehicleProgress {
             vehicle: plan.vehicle,
             run: plan.run,
             revision: plan.revision,

@@ -1,9 +1,9 @@
 //! What a planner hands over: the plans, and which stops end which lap.
 
-use tomoswarm_proto::{Plan, Progress, StopId, VehicleId};
+use tomoswarm_proto::{Plan, StopId, VehicleId};
 
-use super::PlanError;
 use super::precedence::{resolve_after, topological_order, tracks_of, validate};
+use super::{PlanError, VehicleProgress};
 
 /// Plans of all vehicles, with their schedule.
 #[derive(Clone, PartialEq, Debug)]
@@ -32,7 +32,7 @@ pub struct Lap {
 
 impl Schedule {
     /// Gives the number of laps that every vehicle has ended, counted from the first of the plans.
-    pub fn laps_done(&self, plans: &[Plan], progress: &[Progress]) -> usize {
+    pub fn laps_done(&self, plans: &[Plan], progress: &[VehicleProgress]) -> usize {
         let ended = |lap: &&Lap| {
             lap.stops.iter().all(|(vehicle, _, last)| {
                 let plan = plans.iter().find(|plan| plan.vehicle == *vehicle);
@@ -46,7 +46,7 @@ impl Schedule {
 /// Tells whether a vehicle's progress says that a stop of its plan is done.
 ///
 /// Progress of another vehicle, run or revision says nothing of the plan.
-pub fn has_done(plan: &Plan, progress: &Progress, stop: StopId) -> bool {
+pub fn has_done(plan: &Plan, progress: &VehicleProgress, stop: StopId) -> bool {
     let same = (plan.vehicle, plan.run, plan.revision) == (progress.vehicle, progress.run, progress.revision);
     let index = |id: StopId| plan.stops.iter().position(|candidate| candidate.id == id);
     let done = progress.done.and_then(index);

@@ -15,9 +15,9 @@
 use std::collections::BTreeSet;
 
 use serde::{Deserialize, Serialize};
-use tomoswarm_proto::{Plan, Progress, Revision, RunId, VehicleId};
+use tomoswarm_proto::{Plan, Revision, RunId, VehicleId};
 
-use super::{PlanError, validate};
+use super::{PlanError, VehicleProgress, validate};
 
 /// How far the current revision is.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize)]
@@ -137,7 +137,7 @@ impl Succession {
     }
 
     /// Takes a vehicle's progress.
-    pub fn hear(&mut self, progress: &Progress) {
+    pub fn hear(&mut self, progress: &VehicleProgress) {
         let current = (progress.run, progress.revision) == (self.run, self.revision);
         if current && self.members.contains(&progress.vehicle) {
             self.reported.insert(progress.vehicle);
@@ -168,9 +168,9 @@ mod tests {
     use super::*;
     use tomoswarm_proto::{Stop, StopId};
 
-    fn report(vehicle: u8, revision: u32) -> Progress {
+    fn report(vehicle: u8, revision: u32) -> VehicleProgress {
         let (run, revision) = (RunId(4), Revision(revision));
-        Progress { vehicle: VehicleId(vehicle), run, revision, ..Progress::default() }
+        VehicleProgress { vehicle: VehicleId(vehicle), run, revision, ..VehicleProgress::default() }
     }
 
     #[test]

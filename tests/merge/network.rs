@@ -11,7 +11,8 @@ use tomoswarm::node::map::{self, Map};
 use tomoswarm::node::sensor::Scan;
 use tomoswarm::node::{BodySettings, LookSettings, RadioSettings, Settings};
 use tomoswarm::time::Time;
-use tomoswarm_proto::{Boot, LayerId, Lease, Message, VehicleId, codec};
+use tomoswarm_proto::codec::{self, Decoded};
+use tomoswarm_proto::{Boot, LayerId, Lease, Message, VehicleId};
 
 /// How the network behaves.
 #[derive(Clone, Copy, Debug)]
@@ -239,7 +240,7 @@ impl Network {
     }
 
     fn deliver(&mut self, to: usize, frame: &[u8]) {
-        let message = codec::decode(frame).unwrap();
+        let Decoded::Message(message) = codec::decode(frame).unwrap() else { panic!("an unknown kind") };
         if to == STATION {
             let mut out = Vec::new();
             let Some(station) = &mut self.station else { return };

@@ -102,7 +102,7 @@ fn enrolled_nodes_of_a_mesh_talk_and_write_only_their_own_keys() {
         !ground.heard_of(vehicle(2)).is_empty()
     }));
     let (before, refused) = (ground.heard_of(vehicle(1)).len(), ground.mouth.traffic().refused);
-    for key in ["vehicle/1/progress", "ground/have", "operator/order/1"] {
+    for key in ["vehicle/1/mission", "ground/have", "operator/1/order/1"] {
         two.say(&format!("{PREFIX}/{key}"), &frame(&progress(1, 666)));
     }
     std::thread::sleep(Duration::from_secs(1));

@@ -9,7 +9,7 @@ use tomoswarm::run::bus::{Bus, BusSettings, Heard, Mouth};
 use tomoswarm::run::clock::Clock;
 use tomoswarm::run::mailbox::Troubles;
 use tomoswarm::run::membership;
-use tomoswarm_proto::{Message, Progress, RunId, Sender, VehicleId};
+use tomoswarm_proto::{Message, Mission, Progress, RunId, Sender, VehicleId};
 
 /// A node's part of the bus.
 pub struct Member {
@@ -35,6 +35,7 @@ impl Member {
         let is_its = |heard: &&Heard| match heard {
             Heard::Message(sender, _) => *sender == node,
             Heard::Greeting(greeting, _) => greeting.node == node,
+            Heard::Unknown(_) => false,
         };
         self.heard.lock().unwrap().iter().filter(is_its).cloned().collect()
     }
@@ -58,14 +59,15 @@ fn read(path: &Path) -> (Sender, Venue, BusFile) {
     match config::read(path.to_str().unwrap(), &text, &mut loader).unwrap() {
         Config::Vehicle(file) => (Sender::Vehicle(file.id), file.venue.clone(), file.bus.clone()),
         Config::Ground(file) => (Sender::Ground, file.venue.clone(), file.bus.clone()),
-        Config::Operator(file) => (Sender::Operator, file.venue.clone(), file.bus.clone()),
+        Config::Operator(file) => (membership::OPERATOR, file.venue.clone(), file.bus.clone()),
         other => panic!("{other:?}"),
     }
 }
 
 /// Something harmless that a vehicle may say of itself.
 pub fn progress(vehicle: u8, run: u32) -> Message {
-    Message::Progress(Progress { vehicle: VehicleId(vehicle), run: RunId(run), ..Progress::default() })
+    let progress = Progress { run: RunId(run), ..Progress::default() };
+    Message::Mission(Mission { vehicle: VehicleId(vehicle), progress, ..Mission::default() })
 }
 
 /// Waits until something holds; `false` when it does not within the time.

@@ -13,8 +13,8 @@ use tomoswarm::run::bus::{Bus, BusSettings, Heard, Topology};
 use tomoswarm::run::clock::Clock;
 use tomoswarm::run::mailbox::Troubles;
 use tomoswarm_proto::{
-    Boot, Health, Hello, Lease, Message, Mode, Order, OrderKind, Ordered, PoseReport, Position, Report,
-    RunId, Sender, State, StationPhase, VehicleId,
+    Boot, Deviation, Heading, Health, Hello, Lease, Message, Mode, Order, OrderKind, Ordered, Permille,
+    PoseReport, Position, Report, RunId, Sender, State, StationPhase, VehicleId,
 };
 
 const GROUNDS: Lease = Lease { number: 3, holder: 33 };
@@ -89,8 +89,11 @@ fn hello(node: Sender) -> Message {
         instance: 1,
         is_member: true,
         member_for_s: 60,
+        name: String::new(),
         software: env!("CARGO_PKG_VERSION").to_owned(),
         capabilities: vec![],
+        lease: None,
+        interest: vec![],
     })
 }
 
@@ -125,17 +128,18 @@ fn vehicle(id: u8, others: &[u8], ground: &str) -> (Player, Arc<Mutex<Ordered>>)
             vehicle: VehicleId(id),
             boot: Boot(1),
             sequence: u64::from(turn),
-            pose: PoseReport {
-                at: Position { x_m: home.x_m, y_m: home.y_m, z_m: 0.0 },
-                heading_rad: 0.0,
-                sd_m: 0.05,
-            },
-            speed_mps: 0.0,
+            pose: Some(PoseReport {
+                at: Position::from_metres(home.x_m, home.y_m, 0.0),
+                heading: Heading(0),
+                sd: Deviation(50),
+            }),
+            is_at_rest: true,
             mode: Mode::Idle,
-            battery: 0.9,
+            battery: Some(Permille(900)),
             leg: None,
             accepted: Default::default(),
             ordered: *echoed.lock().unwrap(),
+            ..State::default()
         };
         let hears = hears.clone();
         let health = Health { vehicle: VehicleId(id), boot: Boot(1), hears, ..Health::default() };

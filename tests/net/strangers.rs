@@ -5,8 +5,8 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 use tomoswarm_proto::{
-    Boot, Hello, LayerId, Message, Mode, PoseReport, Position, Sample, Samples, State, TILE_CELLS,
-    TileAddress, TileReport, VehicleId, codec,
+    Boot, Deviation, Heading, Hello, LayerId, Message, Mode, Permille, PoseReport, Position, Sample, Samples,
+    State, TILE_CELLS, TileAddress, TileReport, VehicleId, codec,
 };
 
 use crate::raw::{Shows, Stranger};
@@ -35,13 +35,18 @@ fn state(id: u8, boot: u32, sequence: u64) -> Message {
         boot: Boot(boot),
         sequence,
         // In a corner where nobody drives: what it says of itself is believed.
-        pose: PoseReport { at: Position { x_m: -3.0, y_m: 9.0, z_m: 0.0 }, heading_rad: 0.0, sd_m: 0.05 },
-        speed_mps: 0.0,
+        pose: Some(PoseReport {
+            at: Position::from_metres(-3.0, 9.0, 0.0),
+            heading: Heading(0),
+            sd: Deviation(50),
+        }),
+        is_at_rest: true,
         mode: Mode::Idle,
-        battery: 1.0,
+        battery: Some(Permille::WHOLE),
         leg: None,
         accepted: Default::default(),
         ordered: Default::default(),
+        ..State::default()
     })
 }
 
@@ -66,7 +71,8 @@ fn flood(number: u32) -> [(String, Message); 3] {
         rssi_dbm: Some(-50),
     };
     let samples = (0..60).map(|sequence| Sample { sequence, ..sample }).collect();
-    let batch = Samples { vehicle: me, boot: Boot(number), run: tomoswarm_proto::RunId(1), samples };
+    let batch =
+        Samples { vehicle: me, boot: Boot(number), run: tomoswarm_proto::RunId(1), samples, lost: vec![] };
     let key = format!("tile/9/{}/0/{}/{}", number / 7, address.x, address.y);
     [
         (key, Message::Tile(tile)),
@@ -139,21 +145,12 @@ fn nonsense_under_every_key_is_refused() {
     let mut swarm = Swarm::start(Size { vehicles: 2, laps: 1, relayed: false });
     let stranger = stranger(&swarm);
     swarm.begin();
-    let kinds = [
-        "hello",
-        "state",
-        "tile/9/1/0/0/0",
-        "digest",
-        "want/9/1",
-        "plan/1",
-        "progress",
-        "order/1",
-        "samples",
-    ];
+    let kinds =
+        ["hello", "state", "tile/9/1/0/0/0", "digest", "want/9/1", "plan/1", "mission", "order/1", "samples"];
     let kinds = kinds.into_iter().chain(["have", "beacon", "health", "report", "unheard-of", ""]);
     let keys: Vec<String> = kinds
         .flat_map(|kind| {
-            ["vehicle/9", "vehicle/1", "ground", "operator", "vehicle/300", "x"]
+            ["vehicle/9", "vehicle/1", "ground", "operator/1", "vehicle/300", "x"]
                 .map(|who| format!("{who}/{kind}"))
         })
         .map(|key| format!("{PREFIX}/{}", key.trim_end_matches('/')))
@@ -216,8 +213,11 @@ fn another_version_of_the_wire_or_another_venue_is_refused_on_both_sides() {
         instance: 1,
         is_member: true,
         member_for_s: 60,
+        name: String::new(),
         software: "2.0.0".to_owned(),
         capabilities: vec![],
+        lease: None,
+        interest: vec![],
     });
     let mut next = frame(&hello);
     next[2] = codec::VERSION + 1;

@@ -18,6 +18,8 @@ use tomoswarm::run::bus::{Bus, Heard};
 use tomoswarm::run::clock::Clock;
 use tomoswarm::run::link::WorldControl;
 use tomoswarm::run::mailbox::Troubles;
+use tomoswarm::run::membership;
+use tomoswarm::run::trust::CommonName;
 use tomoswarm::store::ground::GroundStore;
 use tomoswarm_proto::{Boot, Digest, Message, Report, RunId, Sample, Sender, StationPhase, VehicleId};
 
@@ -249,18 +251,18 @@ impl Swarm {
 
     /// Gives every node its certificate; from then on all endpoints are TLS.
     pub fn enroll(&self) {
-        let nodes = self.addresses.keys().copied().chain([Sender::Operator]);
+        let nodes = self.addresses.keys().copied().chain([membership::OPERATOR]);
         for node in nodes {
             let name = Swarm::name(node);
             let mut program = Command::new(PROGRAM);
             program.args(["enroll", "swarm", "--venue", "venue.toml", "--state-dir", "state"]);
             let run = program.args(name.split('-')).current_dir(self.folder.path()).output().unwrap();
             assert!(run.status.success(), "{}", String::from_utf8_lossy(&run.stderr));
-            let file = format!("{name}.toml");
+            let (file, folder) = (format!("{name}.toml"), CommonName::node_name(node));
             let plain = std::fs::read_to_string(self.path(&file)).unwrap();
             let own = ["ca.pem", "certificate.pem", "key.pem", "roster.txt"].map(|own| {
                 let key = own.split('.').next().unwrap();
-                format!("{key} = \"swarm/{name}/{own}\"\n")
+                format!("{key} = \"swarm/{folder}/{own}\"\n")
             });
             self.write(&file, &(plain.replace("tcp/", "tls/") + &own.concat()));
         }
@@ -364,7 +366,7 @@ impl Swarm {
         match node {
             Sender::Ground => "ground".to_owned(),
             Sender::Vehicle(id) => format!("vehicle-{id}"),
-            Sender::Operator => "operator".to_owned(),
+            Sender::Operator(_) => "operator".to_owned(),
         }
     }
 

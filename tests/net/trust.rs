@@ -6,6 +6,7 @@ use std::path::Path;
 use std::process::Command;
 
 use tomoswarm::config::{self, Config, Identity, Topology};
+use tomoswarm::run::membership::OPERATOR;
 use tomoswarm::run::trust::{
     Authority, Certificate, CertificateError, CommonName, Roster, RosterError, TrustError, Trusted,
     access_rules,
@@ -90,7 +91,7 @@ fn a_name_is_never_given_twice() {
     assert_eq!(without.next_name(ROVER, false), Ok(name("vehicle-3.3")));
     assert_eq!((first.issue, second.issue, without.issue), (3, 4, 5));
     assert!(matches!(without.revoking(ROVER), Err(RosterError::Unknown { .. })));
-    assert_eq!(without.next_name(Sender::Operator, false), Ok(name("operator.1")));
+    assert_eq!(without.next_name(OPERATOR, false), Ok(name("operator-1.1")));
 }
 
 #[test]
@@ -216,7 +217,7 @@ fn an_enrolled_node_has_all_that_it_needs_and_is_trusted() {
         let is_key = path.ends_with("key.pem");
         assert_eq!(mode, if is_key { 0o600 } else { 0o644 }, "{path}");
     }
-    for (node, sender) in [("ground", Sender::Ground), ("vehicle-3", ROVER), ("operator", Sender::Operator)] {
+    for (node, sender) in [("ground", Sender::Ground), ("vehicle-3", ROVER), ("operator-1", OPERATOR)] {
         let trusted = Trusted::read(&identity(&swarm.join(node)), sender, Some(4)).unwrap();
         assert_eq!(trusted.own, CommonName { node: sender, issue: 1 });
         // The rosters of those that were enrolled first are new as well.

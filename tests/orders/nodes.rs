@@ -7,7 +7,7 @@ use tomoswarm::node::vehicle::Vehicle;
 use tomoswarm::operator::operator_actor::{In, Operator, OperatorSettings};
 use tomoswarm::operator::want::{Want, WantId};
 use tomoswarm::time::Time;
-use tomoswarm_proto::{Boot, Hello, Lease, Order, Ordered, Revision, Sender, VehicleId};
+use tomoswarm_proto::{Boot, Hello, Lease, OperatorId, Order, Ordered, Revision, Sender, VehicleId};
 
 /// Vehicles of a world.
 pub const VEHICLES: u8 = 3;
@@ -42,7 +42,7 @@ pub struct Hand {
 impl Hand {
     pub fn new(number: u8) -> Hand {
         let hello = Hello {
-            node: Sender::Operator,
+            node: Sender::Operator(OperatorId(1)),
             boot: Boot(0),
             venue_hash: 5,
             instance: u64::from(number),
@@ -50,6 +50,9 @@ impl Hand {
             member_for_s: 0,
             software: String::new(),
             capabilities: vec![],
+            name: String::new(),
+            lease: None,
+            interest: vec![],
         };
         let holder = 50 + u64::from(number);
         let all: BTreeSet<VehicleId> = (1..=VEHICLES).map(VehicleId).collect();

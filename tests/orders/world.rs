@@ -20,7 +20,7 @@ use tomoswarm::operator::script::Step;
 use tomoswarm::operator::want::{Want, WantId};
 use tomoswarm::time::Time;
 use tomoswarm_proto::{
-    Boot, Lease, Message, Order, OrderKind, Ordered, Report, RunId, Sender, State, VehicleId,
+    Boot, Lease, Message, OperatorId, Order, OrderKind, Ordered, Report, RunId, Sender, State, VehicleId,
 };
 
 use super::chance::Chance;
@@ -299,7 +299,7 @@ impl World {
         if self.now < rover.up_from || order.vehicle != rover.id {
             return;
         }
-        let mut order = *order;
+        let mut order = order.clone();
         if self.mistake == Some(Mistake::LeaseComparedWrongly) {
             order.lease = turned(order.lease);
         }
@@ -438,13 +438,13 @@ impl World {
                 let first = hand.firsts.entry((id, order.vehicle)).or_insert((now, edition));
                 first.1 = first.1.min(edition);
             }
-            hand.newest.insert(order.vehicle, *order);
+            hand.newest.insert(order.vehicle, order.clone());
             let is_new = hand.sent.insert((order.vehicle, order.lease, order.revision));
             if self.mistake == Some(Mistake::NotRepeated) && !is_new {
                 return;
             }
         }
-        self.send(Node::Operator(index), &Heard::Message(Sender::Operator, message));
+        self.send(Node::Operator(index), &Heard::Message(Sender::Operator(OperatorId(1)), message));
     }
 
     /// Judges what an operator says of a want: whom it calls obedient, on that vehicle the order was in force not longer
@@ -511,7 +511,7 @@ impl World {
             lease: Lease { number: 1, holder: 9 },
             store: 1,
             members: (1..=VEHICLES).map(VehicleId).collect(),
-            standing: stands.max(),
+            in_force: stands.reduce(OrderKind::stronger),
             ..Report::default()
         };
         self.send(Node::Ground, &Heard::Message(Sender::Ground, Message::Report(report)));

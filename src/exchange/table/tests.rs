@@ -1,32 +1,26 @@
 //! The table against the messages themselves and against what proto/README.md promises to others.
 
-use tomoswarm_proto::{Order, OrderKind, Progress};
+use tomoswarm_proto::{Mission, OperatorId, Order, OrderKind, Topic, VehicleId};
 
 use super::super::examples::examples;
 use super::*;
 
 const README: &str = include_str!("../../../proto/README.md");
-const ROLES: [Sender; 3] = [Sender::Vehicle(VehicleId(2)), Sender::Ground, Sender::Operator];
+const OPERATOR: Sender = Sender::Operator(OperatorId(1));
+const ROLES: [Sender; 3] = [Sender::Vehicle(VehicleId(2)), Sender::Ground, OPERATOR];
 
 #[test]
 fn every_message_has_its_row_under_its_own_word() {
-    let kinds: Vec<Kind> = examples().iter().map(|(_, message)| Kind::of(message)).collect();
-    assert_eq!(kinds, TABLE.map(|row| row.kind));
-    for (_, message) in examples() {
-        let (subject, row) = (Subject::of(&message), Kind::of(&message).row());
-        assert_eq!(row.word, message.word());
-        let topic = match subject.about {
-            About::Sender => Topic::Sender,
-            About::Vehicle(_) => Topic::Vehicle,
-            About::Layer(_) => Topic::Layer,
-            About::Tile(..) => Topic::Tile,
-        };
-        assert_eq!(topic, row.topic, "{}", row.word);
+    assert_eq!(Kind::ALL, TABLE.map(|row| row.kind));
+    for (word, message) in examples() {
+        let (topic, row) = (Topic::of(&message), row(message.kind()));
+        assert_eq!((row.kind, row.kind.word()), (message.kind(), word));
         let addresses = [row.of_vehicle, row.of_ground, row.of_operator]
             .into_iter()
             .flatten()
             .any(|audience| audience.vehicles == Vehicles::Addressed);
-        assert!(!addresses || topic == Topic::Vehicle, "{} is for a vehicle that it does not name", row.word);
+        let names_one = matches!(topic.about, About::Vehicle(_));
+        assert!(!addresses || names_one, "{word} is for a vehicle that it does not name");
     }
 }
 
@@ -35,15 +29,16 @@ fn a_sender_may_say_what_its_row_allows_and_only_in_its_own_name() {
     for (word, message) in examples() {
         let allowed: Vec<Sender> = ROLES.into_iter().filter(|role| may_say(*role, &message)).collect();
         let expected: &[Sender] = match word {
-            "tile" | "digest" | "want" => &ROLES,
+            "tile" | "digest" | "want" | "standing" => &ROLES,
             "order" => &ROLES[1..],
-            "plan" | "have" | "report" => &ROLES[1..2],
+            "task" => &ROLES[2..],
+            "plan" | "have" | "report" | "image" => &ROLES[1..2],
             // The example is of vehicle 2.
             _ => &ROLES[..1],
         };
         assert_eq!(allowed, expected, "{word}");
     }
-    let of_three = Message::Progress(Progress { vehicle: VehicleId(3), ..Progress::default() });
+    let of_three = Message::Mission(Mission { vehicle: VehicleId(3), ..Mission::default() });
     assert!(ROLES.iter().all(|role| !may_say(*role, &of_three)));
 }
 
@@ -52,7 +47,7 @@ fn who_may_say_a_kind_is_who_its_author_may_be() {
     for (word, message) in examples().into_iter().filter(|(word, _)| *word != "hello") {
         let Some(author) = message.author() else { continue };
         for role in ROLES {
-            let may = Kind::of(&message).row().audience(role).is_some();
+            let may = row(message.kind()).audience(role).is_some();
             assert_eq!(may, role == author, "{word} of {role}");
         }
     }
@@ -60,18 +55,19 @@ fn who_may_say_a_kind_is_who_its_author_may_be() {
 
 #[test]
 fn an_order_is_heard_by_its_vehicle_alone_and_by_operators() {
-    let about = Subject::of(&Message::Order(Order {
+    let about = Topic::of(&Message::Order(Order {
         vehicle: VehicleId(3),
         lease: Default::default(),
         run: Default::default(),
         revision: Default::default(),
-        seen_state: 0,
+        seen: None,
         kind: OrderKind::Hold,
+        ends: vec![],
     }))
     .about;
-    let audience = Kind::Order.row().audience(Sender::Ground).unwrap();
+    let audience = row(Kind::Order).audience(Sender::Ground).unwrap();
     let hears = |node| audience.includes(node, about);
-    assert!(hears(Sender::Vehicle(VehicleId(3))) && hears(Sender::Operator));
+    assert!(hears(Sender::Vehicle(VehicleId(3))) && hears(OPERATOR));
     assert!(!hears(Sender::Vehicle(VehicleId(2))) && !hears(Sender::Ground));
 }
 
@@ -79,7 +75,7 @@ fn an_order_is_heard_by_its_vehicle_alone_and_by_operators() {
 fn what_can_be_said_on_the_bus_is_heard_by_operators() {
     for row in TABLE.into_iter().filter(|row| row.kind != Kind::Beacon) {
         for audience in ROLES.into_iter().filter_map(|role| row.audience(role)) {
-            assert!(audience.operators, "{}", row.word);
+            assert!(audience.operators, "{}", row.kind);
         }
     }
 }
@@ -90,7 +86,8 @@ fn senders(cell: &str) -> Vec<Sender> {
         "everyone" => ROLES.to_vec(),
         "vehicle" | "by radio only, vehicle" => vec![ROLES[0]],
         "ground" => vec![Sender::Ground],
-        "ground or operator" => vec![Sender::Ground, Sender::Operator],
+        "operator" => vec![OPERATOR],
+        "ground or operator" => vec![Sender::Ground, OPERATOR],
         other => panic!("{other} says something?"),
     }
 }
@@ -99,11 +96,11 @@ fn senders(cell: &str) -> Vec<Sender> {
 /// everything on the bus.
 fn receivers(cell: &str) -> (Vehicles, bool) {
     match cell {
-        "all" => (Vehicles::All, true),
-        "vehicles" => (Vehicles::All, false),
+        "all" | "all, whatever their venue" | "ground, vehicles and operators" => (Vehicles::All, true),
+        "vehicles" | "vehicles and operators" => (Vehicles::All, false),
         "the vehicle" => (Vehicles::Addressed, false),
         "ground" | "ground and operators" => (Vehicles::None, true),
-        "whoever hears it" => (Vehicles::None, false),
+        "whoever hears it" | "operators" => (Vehicles::None, false),
         other => panic!("{other} hears something?"),
     }
 }
@@ -126,8 +123,8 @@ fn the_readme_of_the_wire_says_the_same() {
     assert_eq!(lines.len(), TABLE.len());
     for (row, line) in TABLE.iter().zip(lines) {
         let cells: Vec<&str> = line.split('|').map(str::trim).collect();
-        assert_eq!(cells[2].to_lowercase(), row.word);
-        assert_eq!(cells[5].trim_matches('`').split('/').next(), Some(row.word), "{line}");
+        assert_eq!(cells[2].to_lowercase(), row.kind.word());
+        assert_eq!(cells[5].trim_matches('`').split('/').next(), Some(row.kind.word()), "{line}");
         // What follows a semicolon is about answers: those come from whoever holds the map.
         let (from, to) = cells[3].split(';').next().unwrap().split_once(" → ").unwrap();
         let mut says: Vec<Sender> = ROLES.into_iter().filter(|role| row.audience(*role).is_some()).collect();

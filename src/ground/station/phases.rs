@@ -3,14 +3,13 @@
 
 use std::time::Duration;
 
-use tomoswarm_proto::{OrderKind, Progress, RunId, StopId, VehicleId};
+use tomoswarm_proto::{OrderKind, RunId, StopId, VehicleId};
 
 use super::super::fleet::Member;
 use super::super::imager::{Job, Subject};
 use super::super::planner::{Answer, Request};
 use super::{Note, Out, Phase, PictureName, Station, Sweep};
-use crate::geom::Point;
-use crate::sweep::Succession;
+use crate::sweep::{Succession, VehicleProgress};
 use crate::time::Time;
 
 /// Plans are repeated this often until every vehicle shows them.
@@ -108,10 +107,7 @@ impl Station {
     /// Asks for plans from where the vehicles rest now.
     fn ask(&mut self, now: Time, sweep: Sweep, out: &mut Vec<Out>) {
         let Some(succession) = &self.succession else { return };
-        let place = |(id, member): (VehicleId, &Member)| {
-            let (_, state) = member.state.as_ref()?;
-            Some((id, Point::from(state.pose.at)))
-        };
+        let place = |(id, member): (VehicleId, &Member)| Some((id, member.place()?));
         let present = |(_, member): &(VehicleId, &Member)| !member.dealings.is_lost;
         let places = self.fleet.members().filter(present).filter_map(place).collect();
         let (run, revision, first_lap) = (sweep.run, succession.next_revision(), sweep.laps_done);
@@ -241,7 +237,8 @@ impl Station {
         let present = plan.map(|plan| (sweep.run, plan.revision));
         lap.iter().all(|(vehicle, stop)| {
             self.fleet.members().any(|(id, member)| {
-                let of_present = |progress: &Progress| Some((progress.run, progress.revision)) == present;
+                let of_present =
+                    |progress: &VehicleProgress| Some((progress.run, progress.revision)) == present;
                 let progress = member.progress.filter(of_present);
                 id == *vehicle
                     && progress.and_then(|progress| progress.done).is_some_and(|done| done >= *stop)

@@ -28,10 +28,13 @@ impl Station {
             laps_done: count(laps_done),
             laps: count(laps),
             samples: self.samples.count(run),
-            pictures: self.pictures,
+            images: self.pictures,
+            expected: self.fleet.members().map(|(id, _)| id).collect(),
             members: planned_for.map_or_else(|| self.fleet.present(), |known| known.members().to_vec()),
             lost: self.fleet.lost(),
-            standing: self.standing,
+            in_force: self.standing,
+            // Of each run only its samples are remembered here.
+            runs: Vec::new(),
             troubles: self.troubles(),
         }))
     }

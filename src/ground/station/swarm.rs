@@ -5,8 +5,8 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::time::Duration;
 
 use tomoswarm_proto::{
-    Boot, Have, Mode, Order, OrderKind, Ordered, Plan, PoseReport, Position, Progress, Report, Revision,
-    RunId, Sample, Samples, State, StationPhase, VehicleId,
+    Boot, Have, Mission, Mode, Order, OrderKind, Ordered, Permille, Plan, PoseReport, Position, Report,
+    Revision, RunId, Sample, Samples, State, StationPhase, VehicleId,
 };
 
 use super::super::imager::Job;
@@ -64,8 +64,8 @@ impl Rover {
         }
     }
 
-    fn progress(&self) -> Progress {
-        Progress { boot: self.boot, ..self.follower.progress() }
+    fn progress(&self) -> VehicleProgress {
+        VehicleProgress { boot: self.boot, ..self.follower.progress() }
     }
 
     /// Drives to the next stop; one at which somebody else stands is given up, as a vehicle does that finds no way.
@@ -84,8 +84,7 @@ impl Rover {
         self.follower.arrive(now, stop.id, self.at).unwrap();
         let run = self.follower.progress().run;
         let sequence = self.kept.iter().filter(|kept| (kept.0, kept.1) == (self.boot, run)).count() as u64;
-        let place =
-            |seed: f64| Position { x_m: (seed * 3.7).fract() * 9.0, y_m: (seed * 1.3).fract(), z_m: 0.0 };
+        let place = |seed: f64| Position::from_metres((seed * 3.7).fract() * 9.0, (seed * 1.3).fract(), 0.0);
         let pose = |seed: f64| PoseReport { at: place(seed), ..PoseReport::default() };
         let seed = 0.37 * sequence as f64 + f64::from(self.id.0);
         let sample = Sample {
@@ -108,22 +107,25 @@ impl Rover {
             vehicle: self.id,
             boot: self.boot,
             sequence: self.sequence,
-            pose: PoseReport { at: self.at.into(), ..PoseReport::default() },
-            speed_mps: 0.0,
+            pose: Some(PoseReport { at: self.at.into(), ..PoseReport::default() }),
+            is_at_rest: true,
             mode: Mode::Idle,
-            battery: 1.0,
+            battery: Some(Permille::WHOLE),
             leg: None,
             accepted: (progress.run, progress.revision),
             ordered: self.ordered,
+            ..State::default()
         };
         let batch = |(boot, run, sample): &(Boot, RunId, Sample)| {
             let (vehicle, boot, run, samples) = (self.id, *boot, *run, vec![*sample]);
-            Message::Samples(Samples { vehicle, boot, run, samples })
+            Message::Samples(Samples { vehicle, boot, run, samples, lost: vec![] })
         };
         let mark = |boot: Boot, run: RunId| self.marks.get(&(boot, run)).copied().unwrap_or(0);
         let open = self.kept.iter().filter(|(boot, run, sample)| sample.sequence >= mark(*boot, *run));
         let batches = open.take(20).map(batch);
-        batches.chain([Message::State(state), Message::Progress(progress)]).collect()
+        let (vehicle, boot) = (self.id, self.boot);
+        let mission = Mission { vehicle, boot, progress: progress.into(), ..Mission::default() };
+        batches.chain([Message::State(state), Message::Mission(mission)]).collect()
     }
 
     fn hears(&mut self, message: &Message) {
@@ -252,7 +254,7 @@ impl Swarm {
         match message {
             Message::Plan(plan) => {
                 let name = (plan.run, plan.revision, plan.vehicle);
-                let bare = Plan { lease: Lease::default(), seen_state: 0, ..plan.clone() };
+                let bare = Plan { lease: Lease::default(), seen: None, ..plan.clone() };
                 let known = self.plans.insert(name, bare.clone());
                 assert!(known.is_none_or(|known| known == bare), "two plans of one name: {name:?}");
             }
@@ -276,7 +278,7 @@ impl Swarm {
     fn second(&mut self, carried: usize) {
         (self.now_s, self.up_s) = (self.now_s + 1, self.up_s + 1);
         let now = Time::ZERO + Duration::from_secs(self.now_s);
-        let heard: Vec<Progress> =
+        let heard: Vec<VehicleProgress> =
             self.rovers.iter().filter(|rover| !rover.is_dead).map(Rover::progress).collect();
         for index in 0..self.rovers.len() {
             let others = self.rovers.iter().enumerate().filter(|(other, _)| *other != index);
@@ -317,6 +319,7 @@ impl Swarm {
             boot: *boot,
             run: *run,
             samples: vec![*sample],
+            lost: vec![],
         };
         let samples: Vec<Samples> = self.disk.iter().rev().map(batch).collect();
         let settings = StationSettings { boot: Boot(2), ..self.settings.clone() };
@@ -369,7 +372,7 @@ fn a_sweep_is_driven_and_closed_and_every_sample_is_stored_once() {
     assert_eq!(swarm.station.samples().count(RUN), swarm.measured() as u64);
     let report = swarm.report();
     assert_eq!((report.phase, report.run, report.laps_done), (StationPhase::Idle, RUN, 2));
-    assert_eq!((report.pictures, report.samples), (1, swarm.measured() as u64));
+    assert_eq!((report.images, report.samples), (1, swarm.measured() as u64));
     assert_eq!(swarm.haves.last().unwrap().closed, [RUN]);
     assert_eq!(report.troubles, [""; 0]);
     assert!(swarm.remembered < 30, "remembered {} times in {} s", swarm.remembered, swarm.now_s);
@@ -401,7 +404,7 @@ fn killed_anywhere_the_station_goes_on_to_the_same_end_by_the_same_plans() {
         assert_eq!(swarm.station.samples().count(RUN), whole.station.samples().count(RUN));
         let (report, expected) = (swarm.report(), whole.report());
         assert_eq!((report.laps_done, report.samples), (expected.laps_done, expected.samples));
-        assert_eq!(report.pictures, expected.pictures, "killed after {killed_s} s");
+        assert_eq!(report.images, expected.images, "killed after {killed_s} s");
         assert_eq!(report.phase, StationPhase::Idle);
     }
 }
@@ -530,7 +533,7 @@ fn order(swarm: &mut Swarm, run: RunId, kind: OrderKind) {
     let lease = swarm.station.leases.own();
     for rover in &mut swarm.rovers {
         let revision = Revision(rover.ordered.revision.0 + 1);
-        rover.obey(&Order { vehicle: rover.id, lease, run, revision, seen_state: 0, kind });
+        rover.obey(&Order { vehicle: rover.id, lease, run, revision, seen: None, kind, ends: vec![] });
     }
 }
 
@@ -540,13 +543,13 @@ fn an_operator_stops_and_starts_everyone_without_a_fight() {
     swarm.seconds(30);
     order(&mut swarm, RUN, OrderKind::Hold);
     swarm.seconds(2);
-    assert_eq!(swarm.report().standing, Some(OrderKind::Hold));
+    assert_eq!(swarm.report().in_force, Some(OrderKind::Hold));
     let places: Vec<Point> = swarm.rovers.iter().map(|rover| rover.at).collect();
     swarm.seconds(1000);
     assert_eq!(swarm.rovers.iter().map(|rover| rover.at).collect::<Vec<_>>(), places);
     order(&mut swarm, RUN, OrderKind::Start);
     assert!(swarm.is_closed(400), "{:?}", swarm.notes);
-    assert_eq!(swarm.report().standing, None);
+    assert_eq!(swarm.report().in_force, None);
     assert_eq!(swarm.count(|note| matches!(note, Note::Replans(_))), 0);
 }
 
@@ -624,16 +627,16 @@ fn a_lost_vehicle_that_was_stopped_comes_back_stopped() {
     swarm.seconds(30);
     let revision = Revision(swarm.rovers[1].ordered.revision.0 + 1);
     let (vehicle, lease, kind) = (VehicleId(2), LEASE, OrderKind::Emergency);
-    swarm.rovers[1].obey(&Order { vehicle, lease, run: RUN, revision, seen_state: 0, kind });
+    swarm.rovers[1].obey(&Order { vehicle, lease, run: RUN, revision, seen: None, kind, ends: vec![] });
     swarm.seconds(2);
     swarm.rovers[1].is_cut = true;
     assert!(swarm.until(60, |note| *note == Note::Lost(vehicle)), "{:?}", swarm.notes);
     swarm.seconds(60);
-    assert_eq!((swarm.report().standing, swarm.report().members.len()), (None, 3), "the others go on");
+    assert_eq!((swarm.report().in_force, swarm.report().members.len()), (None, 3), "the others go on");
     swarm.rovers[1].is_cut = false;
     swarm.seconds(20);
     assert_eq!(swarm.rovers[1].ordered.kind, Some(OrderKind::Emergency));
-    assert_eq!(swarm.report().standing, Some(OrderKind::Emergency));
+    assert_eq!(swarm.report().in_force, Some(OrderKind::Emergency));
 }
 
 #[test]
@@ -651,7 +654,7 @@ fn plans_and_pictures_that_get_lost_are_asked_for_again() {
     swarm.seconds(119);
     assert_eq!(swarm.jobs.len(), 1);
     swarm.seconds(5);
-    assert_eq!((swarm.jobs.len(), swarm.last_jobs().len(), swarm.report().pictures), (2, 1, 1));
+    assert_eq!((swarm.jobs.len(), swarm.last_jobs().len(), swarm.report().images), (2, 1, 1));
     swarm.seconds(200);
     assert_eq!(swarm.jobs.len(), 2, "it was made");
 }

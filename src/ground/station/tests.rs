@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use tomoswarm_proto::{Boot, Mode, Plan, Position, Progress, Revision, State, Stop};
+use tomoswarm_proto::{Boot, Mission, Mode, Permille, Plan, Position, Progress, Revision, State, Stop};
 
 use super::*;
 use crate::geom::Lattice;
@@ -45,20 +45,22 @@ fn state() -> In {
         vehicle: ONE,
         boot: Boot(1),
         sequence: 1,
-        pose: Default::default(),
-        speed_mps: 0.0,
+        pose: Some(Default::default()),
+        is_at_rest: true,
         mode: Mode::Idle,
-        battery: 1.0,
+        battery: Some(Permille::WHOLE),
         leg: None,
         accepted: Default::default(),
         ordered: Default::default(),
+        ..State::default()
     }))
 }
 
 fn progress(revision: u32, done: Option<u32>) -> In {
     let (revision, done) = (Revision(revision), done.map(StopId));
     let boot = Boot(1);
-    In::Bus(Message::Progress(Progress { vehicle: ONE, boot, run: RUN, revision, done, leg: None }))
+    let progress = Progress { run: RUN, revision, done, leg: None };
+    In::Bus(Message::Mission(Mission { vehicle: ONE, boot, progress, ..Mission::default() }))
 }
 
 /// Plans of two stops for every request, as the planner would make them.

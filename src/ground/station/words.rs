@@ -157,7 +157,7 @@ impl Input for In {
     fn class(&self) -> Class<Key> {
         match self {
             In::Bus(Message::State(state)) => Class::Latest(Key::State(state.vehicle)),
-            In::Bus(Message::Progress(progress)) => Class::Latest(Key::Progress(progress.vehicle)),
+            In::Bus(Message::Mission(mission)) => Class::Latest(Key::Progress(mission.vehicle)),
             In::Bus(Message::Tile(report)) => Class::Latest(Key::Tile(report.layer, report.address)),
             In::Planned(_) => Class::Latest(Key::Planned),
             In::Pictured(name) => Class::Latest(Key::Pictured(*name)),

@@ -4,15 +4,15 @@ use crate::node::radio::Sighting;
 use tomoswarm_proto::Sender;
 use tomoswarm_proto::{Boot, Mode, Revision};
 
-use super::super::tests_support::{settings, state};
+use super::super::tests_support::{own_state, settings, state};
 use super::tests::{at, driven, holds, order, plan, planned, told};
 use super::*;
 
 const GROUND: In = In::Heard(Sender::Ground);
 
 fn sighting(vehicle: u8, x_m: f64) -> In {
-    let progress = Progress { vehicle: VehicleId(vehicle), ..Progress::default() };
-    In::Sighted(Sighting { boot: Boot(1), pose: state(vehicle, x_m, 20.0).pose, progress })
+    let progress = VehicleProgress { vehicle: VehicleId(vehicle), ..VehicleProgress::default() };
+    In::Sighted(Sighting { pose: state(vehicle, x_m, 20.0).pose, progress })
 }
 
 /// Lets the mission stand where it is from one second to another, in steps of a tenth; `each` is told every time.
@@ -27,7 +27,7 @@ fn pass(mission: &mut Mission, seconds: std::ops::Range<u32>, x_m: f64, each: &[
             out.extend(told(mission, now_s, input.clone()));
         }
         let sequence = u64::from(tenth);
-        out.extend(told(mission, now_s, In::State(State { sequence, ..state(1, x_m, 0.0) })));
+        out.extend(told(mission, now_s, In::State(OwnState { sequence, ..own_state(x_m, 0.0) })));
     }
     out
 }
@@ -57,10 +57,13 @@ fn with_the_ground_alone_on_the_bus_a_vehicle_carries_on() {
 fn who_hears_nobody_stands_and_goes_on_as_soon_as_somebody_is_heard() {
     let mut mission = under_way();
     let out = pass(&mut mission, 10..13, 0.0, &[]);
-    assert!(has(&out, Remark::Alone) && holds(&out) && out.contains(&Out::Holds(true)), "{out:?}");
+    assert!(
+        has(&out, Remark::Alone) && holds(&out) && out.contains(&Out::Holds(Some(StandReason::Alone))),
+        "{out:?}"
+    );
     assert_eq!(mission.status(), MissionStatus::Held);
     let out = pass(&mut mission, 13..15, 0.0, &[GROUND]);
-    assert!(driven(&out).is_some() && out.contains(&Out::Holds(false)), "{out:?}");
+    assert!(driven(&out).is_some() && out.contains(&Out::Holds(None)), "{out:?}");
 }
 
 #[test]
@@ -128,7 +131,8 @@ fn what_was_held_by_order_stays_held_without_bus() {
 #[test]
 fn a_low_battery_sends_home_and_an_empty_one_holds() {
     let mut mission = under_way();
-    let battery = |battery: f64, x_m: f64| In::State(State { battery, sequence: 500, ..state(1, x_m, 0.0) });
+    let battery =
+        |battery: f64, x_m: f64| In::State(OwnState { battery, sequence: 500, ..own_state(x_m, 0.0) });
     let out = told(&mut mission, 10.0, battery(0.21, 1.0));
     assert!(!has(&out, Remark::Decides(Cause::BatteryLow, MissionStatus::Returning)));
     let out = told(&mut mission, 10.1, battery(0.19, 1.0));
@@ -168,14 +172,14 @@ fn a_lower_id_that_drives_by_radio_goes_home_first() {
         }
     };
     told(&mut mission, 1.0, sighting(1, 0.5));
-    told(&mut mission, 1.0, In::State(state(3, 2.0, 0.0)));
+    told(&mut mission, 1.0, In::State(own_state(2.0, 0.0)));
     told(&mut mission, 1.0, In::Order(order));
     let mut began_s = None;
     for tenth in 10..200 {
         let now_s = 0.1 * f64::from(tenth);
         // Vehicle 1 drives until second 8, and stands then.
         told(&mut mission, now_s, sighting(1, 0.5 * now_s.min(8.0)));
-        let mut out = told(&mut mission, now_s, In::State(state(3, 2.0, 0.0)));
+        let mut out = told(&mut mission, now_s, In::State(own_state(2.0, 0.0)));
         if mission.deadline().is_some_and(|deadline| deadline.at <= at(now_s)) {
             mission.wake(at(now_s), &mut out).unwrap();
         }
@@ -192,12 +196,15 @@ fn plans_of_a_lower_right_and_old_ones_are_not_taken() {
     let mut mission = planned(None);
     let lease = |number| Lease { number, holder: 7 };
     let edition = |out: &[Out]| out.iter().any(|out| matches!(out, Out::Remark(Remark::OldPlan(..))));
-    let with = |number, seen_state, revision| match plan(revision, &[]) {
-        In::Plan(plan) => In::Plan(Plan { lease: lease(number), seen_state, ..plan }),
+    let with = |number, sequence, revision| match plan(revision, &[]) {
+        In::Plan(plan) => {
+            let seen = Some(SeenState { boot: Boot(1), sequence }).filter(|_| sequence > 0);
+            In::Plan(Plan { lease: lease(number), seen, ..plan })
+        }
         other => other,
     };
     for (second, sequence) in [(2.0, 20), (20.0, 200), (21.0, 210)] {
-        told(&mut mission, second, In::State(State { sequence, ..state(1, 0.0, 0.0) }));
+        told(&mut mission, second, In::State(OwnState { sequence, ..own_state(0.0, 0.0) }));
     }
     assert!(edition(&told(&mut mission, 21.0, with(5, 20, 3))), "answers a state of 19 s ago");
     assert!(edition(&told(&mut mission, 21.0, with(5, 900, 4))), "answers a state that was never made");
@@ -206,7 +213,7 @@ fn plans_of_a_lower_right_and_old_ones_are_not_taken() {
     assert_eq!(mission.plan.progress().revision, Revision(5));
     assert!(edition(&told(&mut mission, 21.0, with(4, 210, 6))), "of a lower right");
     assert_eq!(mission.plan.progress().revision, Revision(5));
-    let mut own = State { sequence: 211, mode: Mode::Idle, ..state(1, 0.0, 0.0) };
+    let mut own = OwnState { sequence: 211, mode: Mode::Idle, ..own_state(0.0, 0.0) };
     own.ordered.lease = lease(9);
     told(&mut mission, 21.1, In::State(own));
     assert!(edition(&told(&mut mission, 21.1, with(5, 210, 7))), "a higher right was obeyed");

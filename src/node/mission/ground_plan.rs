@@ -8,12 +8,12 @@
 //! Deliberately absent: how a leg is driven, see `pilot`, and whether the vehicle is to follow at all, see `goal`.
 
 use serde::{Deserialize, Serialize};
-use tomoswarm_proto::{Boot, Plan, Progress, Revision, RunId, Stop, StopId, VehicleId};
+use tomoswarm_proto::{Boot, MissionPhase, Plan, Revision, RunId, Stop, StopId, VehicleId};
 
 use super::Remark;
 use crate::geom::{Point, Polygon};
 use crate::node::Settings;
-use crate::sweep::{Follower, Verdict, WaitsFor};
+use crate::sweep::{Follower, VehicleProgress, Verdict, WaitsFor};
 use crate::time::{Deadline, Time};
 
 /// Legs are entered ahead until the way is this long, metres, so that stops are driven through.
@@ -45,14 +45,14 @@ pub(super) struct GroundPlan {
     not_taken: Option<(RunId, Revision)>,
     /// Stops given up since one was reached.
     skips: u32,
-    said: Progress,
+    said: VehicleProgress,
 }
 
 /// What has changed since it was last asked.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
 pub(super) struct News {
     /// How far the vehicle is.
-    pub progress: Option<Progress>,
+    pub progress: Option<VehicleProgress>,
     /// That is under another revision than before.
     pub is_adopted: bool,
     /// All stops of this run are done.
@@ -71,7 +71,11 @@ impl GroundPlan {
             has_said_end: false,
             not_taken: None,
             skips: 0,
-            said: Progress { vehicle: settings.vehicle, boot: settings.boot, ..Progress::default() },
+            said: VehicleProgress {
+                vehicle: settings.vehicle,
+                boot: settings.boot,
+                ..VehicleProgress::default()
+            },
         }
     }
 
@@ -88,8 +92,37 @@ impl GroundPlan {
     }
 
     /// Returns how far the vehicle was when that was last asked.
-    pub fn progress(&self) -> Progress {
+    pub fn progress(&self) -> VehicleProgress {
         self.said
+    }
+
+    /// Returns how many stops of the plan are done, and how many it has; none of none while there is no plan.
+    pub fn stops_done(&self) -> (usize, usize) {
+        let Some(plan) = self.follower.as_ref().and_then(Follower::plan) else { return (0, 0) };
+        let last = plan.stops.iter().position(|stop| Some(stop.id) == self.said.done);
+        (last.map_or(0, |last| last + 1), plan.stops.len())
+    }
+
+    /// Returns whether all stops of a plan are done.
+    pub fn is_done(&self) -> bool {
+        self.has_said_end
+    }
+
+    /// Returns what the vehicle does for the plan while it follows.
+    pub fn phase(&self) -> MissionPhase {
+        match (&self.follower, self.waits_for()) {
+            _ if self.has_left => MissionPhase::Waiting,
+            (Some(follower), _) if follower.deadline().is_some() => MissionPhase::Dwelling,
+            _ if self.said.leg.is_some() => MissionPhase::Going,
+            (_, Some(WaitsFor::Plans | WaitsFor::Revision { .. } | WaitsFor::Member { .. })) => {
+                MissionPhase::Waiting
+            }
+            (_, Some(WaitsFor::Stop { .. })) => MissionPhase::Yielding,
+            (_, Some(WaitsFor::Dwell { .. })) => MissionPhase::Dwelling,
+            (_, Some(WaitsFor::Nothing)) => MissionPhase::Over,
+            (Some(_), None) => MissionPhase::Going,
+            (None, None) => MissionPhase::Waiting,
+        }
     }
 
     /// Returns why no leg may be entered now.
@@ -146,7 +179,7 @@ impl GroundPlan {
     }
 
     /// Takes how far a peer is.
-    pub fn hear(&mut self, now: Time, progress: &Progress) {
+    pub fn hear(&mut self, now: Time, progress: &VehicleProgress) {
         if let Some(follower) = &mut self.follower {
             follower.hear(now, progress);
         }
@@ -224,7 +257,7 @@ impl GroundPlan {
     /// Returns what has changed since it was last asked.
     pub fn news(&mut self) -> News {
         let Some(follower) = &self.follower else { return News::default() };
-        let progress = Progress { boot: self.boot, ..follower.progress() };
+        let progress = VehicleProgress { boot: self.boot, ..follower.progress() };
         let is_adopted = (progress.run, progress.revision) != (self.said.run, self.said.revision);
         if is_adopted {
             (self.has_said_end, self.has_left) = (false, false);

@@ -14,9 +14,10 @@ pub fn is_at_home(pose: Pose, home: Point) -> bool {
     home.distance_to(pose.at) <= farthest_m(pose)
 }
 
-/// Returns how far from its home a vehicle that says this pose of itself may be to be at home, metres.
+/// Returns how far from its home a vehicle that says this pose of itself may be to be at home, metres. No allowance is
+/// made for a deviation that is not known.
 pub fn farthest_m(pose: Pose) -> f64 {
-    HOME_M + 2.0 * pose.sd_m
+    if pose.sd_m.is_finite() { HOME_M + 2.0 * pose.sd_m } else { HOME_M }
 }
 
 #[cfg(test)]
@@ -31,5 +32,9 @@ mod tests {
         };
         assert!(is_there(0.34, 0.0) && !is_there(0.36, 0.0));
         assert!(is_there(0.8, 0.25) && !is_there(0.9, 0.25), "a drift is made allowance for");
+        assert!(
+            is_there(0.34, f64::INFINITY) && !is_there(0.36, f64::INFINITY),
+            "not known is not everywhere"
+        );
     }
 }

@@ -155,6 +155,15 @@ impl Kind {
         })
     }
 
+    /// Returns how many places are still to be visited; a search has no list of places.
+    pub fn places_left(&self) -> usize {
+        match self {
+            Kind::Straight(straight) => straight.places_left(),
+            Kind::Pathfind(pathfind) => pathfind.places_left(),
+            Kind::Browse(_) | Kind::Seek(_) => 0,
+        }
+    }
+
     /// Returns the mission, of whatever kind.
     pub fn mission(&mut self) -> &mut dyn MissionKind {
         match self {

@@ -2,24 +2,25 @@
 
 use serde::{Deserialize, Serialize};
 use tomoswarm_proto::{
-    LayerId, Order, Plan, Progress, Revision, RunId, Sender, State, StopId, TileAddress, TileReport,
-    VehicleId,
+    LayerId, Mission, Order, Plan, Revision, RunId, Sender, StandReason, State, StopId, TileAddress,
+    TileReport, VehicleId,
 };
 
 use super::autonomy::Cause;
 use crate::actor::{Class, Input};
 use crate::geom::Point;
+use crate::node::OwnState;
 use crate::node::peers::join_states;
 use crate::node::radio::Sighting;
 use crate::node::vehicle::{self, Command};
-use crate::sweep::Refusal;
+use crate::sweep::{Refusal, VehicleProgress};
 use crate::time::Time;
 
 /// What the mission actor can be told.
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
 pub enum In {
     /// Where the vehicle is.
-    State(State),
+    State(OwnState),
     /// Where a peer is.
     Peer(State),
     /// A tile that changed.
@@ -27,7 +28,7 @@ pub enum In {
     /// A plan, own or a peer's.
     Plan(Plan),
     /// How far a peer is.
-    Progress(Progress),
+    Progress(VehicleProgress),
     /// What a peer's beacon tells.
     Sighted(Sighting),
     /// Some node was heard on the bus, whatever it said.
@@ -43,12 +44,12 @@ pub enum In {
 pub enum Out {
     /// To the vehicle, and when it was decided.
     Command(Time, Command),
-    /// Whether it stands, and does not go on by itself.
-    Holds(bool),
+    /// Why it stands and does not go on by itself; `None` = it may.
+    Holds(Option<StandReason>),
     /// The plan that is followed from now on.
     Accepted(RunId, Revision),
-    /// How far it is with its plan.
-    Progress(Progress),
+    /// How far it is with its mission, as it travels.
+    Progress(Mission),
     /// What is heard by radio belongs to this run from now on; `None` = to none.
     Measure(Option<RunId>),
     /// For log and operator.
@@ -178,7 +179,7 @@ impl Input for In {
 
     fn join(unread: In, newer: In) -> In {
         let edition = |plan: &Plan| (plan.lease, plan.run, plan.revision);
-        let step = |progress: &Progress| {
+        let step = |progress: &VehicleProgress| {
             (progress.boot, progress.run, progress.revision, progress.done, progress.leg)
         };
         match (unread, newer) {

@@ -18,6 +18,7 @@ mod kind;
 mod look_around;
 mod messages;
 mod pilot;
+mod report;
 mod returning;
 mod runner;
 mod way;
@@ -26,20 +27,20 @@ use std::collections::BTreeSet;
 use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
-use tomoswarm_proto::{Lease, Order, OrderKind, Plan, Progress, RunId, State, VehicleId};
+use tomoswarm_proto::{Lease, Order, OrderKind, Plan, RunId, SeenState, StandReason, VehicleId};
 
 use self::autonomy::Links;
 use self::goal::{By, Goal, Return, ReturnStage};
 use self::ground_plan::GroundPlan;
 use self::pilot::{Met, Pilot};
 use self::runner::{Scene, StepRunner};
-use super::Settings;
 use super::ages::Ages;
 use super::peers::{Peer, Peers};
 use super::vehicle::{self, Command};
+use super::{OwnState, Settings};
 use crate::actor::{Actor, Fault};
 use crate::geom::Point;
-use crate::sweep::WaitsFor;
+use crate::sweep::{VehicleProgress, WaitsFor};
 use crate::time::{Deadline, Time};
 
 pub use autonomy::Cause;
@@ -55,7 +56,7 @@ const FAILURES_MAX: u32 = 3;
 #[derive(Debug, Serialize, Deserialize)]
 pub struct Mission {
     settings: Settings,
-    state: Option<State>,
+    state: Option<OwnState>,
     plan: GroundPlan,
     pilot: Pilot,
     /// What it does when the ground station does not plan for it.
@@ -68,7 +69,7 @@ pub struct Mission {
     ages: Ages,
     /// The highest right by which it was ordered or planned for.
     lease: Lease,
-    said_holds: bool,
+    said_holds: Option<StandReason>,
     said_measure: Option<RunId>,
     repeat_at: Time,
 }
@@ -90,7 +91,7 @@ impl Mission {
             silent: BTreeSet::new(),
             ages: Ages::default(),
             lease: Lease::default(),
-            said_holds: false,
+            said_holds: None,
             said_measure: None,
             repeat_at,
         }
@@ -101,8 +102,8 @@ impl Mission {
         self.plan.waits_for()
     }
 
-    fn state(&mut self, now: Time, state: State, out: &mut Vec<Out>) {
-        let place = Point::from(state.pose.at);
+    fn state(&mut self, now: Time, state: OwnState, out: &mut Vec<Out>) {
+        let place = state.pose.at;
         if self.plan.begin_at(place) {
             self.pilot.begin_at(place);
         }
@@ -182,7 +183,7 @@ impl Mission {
     fn meet(&mut self, now: Time, met: Met, out: &mut Vec<Out>) {
         let remark = match met {
             Met::Stop(stop) => {
-                let place = self.state.as_ref().map(|state| Point::from(state.pose.at)).unwrap_or_default();
+                let place = self.state.as_ref().map(|state| state.pose.at).unwrap_or_default();
                 self.plan.pass(now, stop, place);
                 Remark::Done(stop)
             }
@@ -207,7 +208,7 @@ impl Mission {
         if !self.plan.gives_up_stop(self.pilot.way().stops().count(), can_reach) {
             return;
         }
-        let place = Point::from(state.pose.at);
+        let place = state.pose.at;
         for stop in self.pilot.skip(place) {
             out.push(Out::Remark(Remark::Skipped(stop)));
             self.plan.skip(now, stop, place);
@@ -219,7 +220,7 @@ impl Mission {
         let Some(state) = &self.state else { return };
         let at_rest = state.speed_mps == 0.0 && state.leg.is_none();
         if at_rest {
-            self.plan.rest_at(state.pose.at.into());
+            self.plan.rest_at(state.pose.at);
         }
     }
 
@@ -237,20 +238,27 @@ impl Mission {
     /// Tells whether a plan has a lower right than another that was heard, or the own one answers a state that was made
     /// too long ago. (No state was made before the first; only what has heard none answers that.)
     fn is_old(&self, now: Time, plan: &Plan) -> bool {
-        let is_own = plan.vehicle == self.settings.vehicle && plan.seen_state != 0;
-        plan.lease < self.lease || (is_own && !self.ages.is_fresh(now, plan.seen_state))
+        let is_own = plan.vehicle == self.settings.vehicle && plan.seen.is_some();
+        plan.lease < self.lease || (is_own && !self.answers(now, plan))
+    }
+
+    /// Tells whether a plan answers a state that this start of the software made not long ago.
+    fn answers(&self, now: Time, plan: &Plan) -> bool {
+        let is_fresh =
+            |seen: SeenState| seen.boot == self.settings.boot && self.ages.is_fresh(now, seen.sequence);
+        plan.seen.is_some_and(is_fresh)
     }
 
     /// A new revision is followed: what was left of the old way is given up.
-    fn adopted(&mut self, progress: &Progress, out: &mut Vec<Out>) {
+    fn adopted(&mut self, progress: &VehicleProgress, out: &mut Vec<Out>) {
         if let Some(state) = &self.state {
-            self.pilot.give_up(state.pose.at.into());
+            self.pilot.give_up(state.pose.at);
         }
         out.push(Out::Accepted(progress.run, progress.revision));
         out.push(Out::Remark(Remark::Adopted(progress.run, progress.revision)));
     }
 
-    fn hear(&mut self, now: Time, progress: &Progress, out: &mut Vec<Out>) {
+    fn hear(&mut self, now: Time, progress: &VehicleProgress, out: &mut Vec<Out>) {
         self.plan.hear(now, progress);
         self.report(out);
     }
@@ -313,7 +321,7 @@ impl Mission {
             if news.is_adopted {
                 self.adopted(&progress, out);
             }
-            out.push(Out::Progress(progress));
+            out.push(Out::Progress(self.on_wire()));
         }
         out.extend(news.finished.map(|run| Out::Remark(Remark::Finished(run))));
         let measure = self.plan.measures_for().filter(|_| self.goal == Goal::Following);
@@ -321,8 +329,8 @@ impl Mission {
             self.said_measure = measure;
             out.push(Out::Measure(measure));
         }
-        if self.holds() != self.said_holds {
-            self.said_holds = self.holds();
+        if self.holds_for() != self.said_holds {
+            self.said_holds = self.holds_for();
             out.push(Out::Holds(self.said_holds));
         }
     }
@@ -387,7 +395,7 @@ impl Actor for Mission {
     fn wake(&mut self, now: Time, out: &mut Vec<Out>) -> Result<(), Fault> {
         if self.repeat_at <= now {
             self.repeat_at = now + REPEAT_EVERY;
-            out.push(Out::Progress(self.plan.progress()));
+            out.push(Out::Progress(self.on_wire()));
         }
         self.go_on(now, out);
         Ok(())

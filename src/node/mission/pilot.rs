@@ -17,10 +17,10 @@ use std::collections::VecDeque;
 use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
-use tomoswarm_proto::{Mode, State, StopId, TileReport};
+use tomoswarm_proto::{Mode, StopId, TileReport};
 
-use super::super::Settings;
 use super::super::vehicle::{Bump, Command};
+use super::super::{OwnState, Settings};
 use super::look_around::{LookAround, Next};
 use super::way::Way;
 use crate::geom::{Angle, Point, Pose, Rect, Segment};
@@ -264,8 +264,8 @@ impl Pilot {
     }
 
     /// Begins the way home.
-    pub fn go_home(&mut self, now: Time, state: &State, unknown: Unknown) {
-        let pose = Pose::from(state.pose);
+    pub fn go_home(&mut self, now: Time, state: &OwnState, unknown: Unknown) {
+        let pose = state.pose;
         self.give_up(pose.at);
         self.way.append([], self.settings.home, None);
         (self.unknown, self.looked, self.looks) = (unknown, false, 0);
@@ -273,8 +273,8 @@ impl Pilot {
     }
 
     /// Tells how the way home looks.
-    pub fn way_home(&self, now: Time, state: &State) -> WayHome {
-        let (pose, home) = (Pose::from(state.pose), self.settings.home);
+    pub fn way_home(&self, now: Time, state: &OwnState) -> WayHome {
+        let (pose, home) = (state.pose, self.settings.home);
         let is_open = |peers| {
             self.path(now, pose, home, false, peers).is_some()
                 || self.driven_path(now, pose, home, peers).is_some()
@@ -311,8 +311,8 @@ impl Pilot {
     }
 
     /// Goes on with what the vehicle says of itself; gives a command, if one is due.
-    pub fn advance(&mut self, now: Time, state: &State, met: &mut Vec<Met>) -> Option<Command> {
-        let pose = Pose::from(state.pose);
+    pub fn advance(&mut self, now: Time, state: &OwnState, met: &mut Vec<Met>) -> Option<Command> {
+        let pose = state.pose;
         let resting = !matches!(state.mode, Mode::Driving | Mode::Turning);
         self.remember(pose.at);
         if !resting {

@@ -4,9 +4,9 @@ use std::collections::VecDeque;
 use std::sync::Arc;
 use tomoswarm_proto::TileReport;
 
-use tomoswarm_proto::{Mode, TileAddress};
+use tomoswarm_proto::{Mode, State, TileAddress};
 
-use super::super::tests_support::{settings, state};
+use super::super::tests_support::{own_state, settings, state};
 use super::tests::{at, order, told};
 use super::*;
 use crate::geom::Angle;
@@ -111,8 +111,8 @@ impl Ring {
         if self.mission.deadline().is_some_and(|deadline| deadline.at <= at(now_s)) {
             self.mission.wake(at(now_s), &mut out).unwrap();
         }
-        let mut own = State { sequence, mode, ..state(1, self.at.x_m, self.at.y_m) };
-        own.pose.heading_rad = self.heading.radians();
+        let mut own = OwnState { sequence, mode, ..own_state(self.at.x_m, self.at.y_m) };
+        own.pose.heading = self.heading;
         out.extend(told(&mut self.mission, now_s, In::State(own)));
         for said in out {
             match said {

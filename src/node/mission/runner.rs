@@ -18,7 +18,7 @@ mod yield_to_peers;
 use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
-use tomoswarm_proto::{Mode, State, TileReport};
+use tomoswarm_proto::{MissionPhase, Mode, TileReport};
 
 use self::tries::Tries;
 use self::yield_to_peers::{Yield, YieldToPeers, way_aside};
@@ -28,9 +28,9 @@ use super::look_around::{LookAround, Next, dwell};
 use super::pilot::{Met, Pilot};
 use super::{End, Out, Remark};
 use crate::geom::{Cell, Point, Pose};
-use crate::node::Settings;
 use crate::node::peers::Peers;
 use crate::node::vehicle::Command;
+use crate::node::{OwnState, Settings};
 use crate::time::{Deadline, Time};
 
 /// While driving, the mission is asked this often whether to go on.
@@ -84,6 +84,8 @@ pub struct StepRunner {
     barred: Vec<Point>,
     tries: Tries,
     yields: YieldToPeers,
+    /// How it ended.
+    end: Option<End>,
 }
 
 /// What a runner is told and may use.
@@ -91,7 +93,7 @@ pub struct Scene<'a> {
     /// Now.
     pub now: Time,
     /// The own state.
-    pub state: &'a State,
+    pub state: &'a OwnState,
     /// Who drives, and what is known of the world.
     pub pilot: &'a mut Pilot,
     /// The others.
@@ -102,7 +104,7 @@ pub struct Scene<'a> {
 
 impl Scene<'_> {
     fn pose(&self) -> Pose {
-        Pose::from(self.state.pose)
+        self.state.pose
     }
 
     fn rests(&self) -> bool {
@@ -128,6 +130,7 @@ impl StepRunner {
             barred: Vec::new(),
             tries: Tries::default(),
             yields: YieldToPeers::default(),
+            end: None,
         })
     }
 
@@ -144,6 +147,33 @@ impl StepRunner {
             Phase::Choosing { from } => Some(Deadline { at: from, why: "choose where to go" }),
             Phase::Driving { .. } | Phase::Looking { .. } | Phase::Over => None,
         }
+    }
+
+    /// Returns what the vehicle does for the mission while it follows.
+    pub fn phase(&self) -> MissionPhase {
+        match self.phase {
+            Phase::Choosing { .. } if self.yields.in_a_row() > 0 => MissionPhase::Yielding,
+            Phase::Choosing { .. } if self.kind.is_none() => MissionPhase::Returning,
+            Phase::Choosing { .. } => MissionPhase::Choosing,
+            Phase::Driving { to: Destination::Aside, .. } => MissionPhase::Yielding,
+            Phase::Driving { to: Destination::Home, .. } => MissionPhase::Returning,
+            Phase::Driving {
+                to: Destination::Straight(_) | Destination::ByPath(_) | Destination::Viewpoint,
+                ..
+            } => MissionPhase::Going,
+            Phase::Looking { .. } => MissionPhase::Looking,
+            Phase::Over => MissionPhase::Over,
+        }
+    }
+
+    /// Returns how many places of the mission are still to be visited; one that has no list of places has none.
+    pub fn places_left(&self) -> usize {
+        self.kind.as_ref().map_or(0, Kind::places_left)
+    }
+
+    /// Returns how the mission ended; `None` = it has not.
+    pub fn end(&self) -> Option<&End> {
+        self.end.as_ref()
     }
 
     /// Begins to think anew, after the vehicle was stopped or held.
@@ -347,6 +377,7 @@ impl StepRunner {
         self.yields.end();
         self.tries.clear();
         self.kind = None;
+        self.end = Some(end.clone());
         scene.remark(Remark::Ended(end));
         self.think(scene.now);
     }

@@ -3,12 +3,14 @@
 use std::sync::Arc;
 use tomoswarm_proto::TileReport;
 
-use tomoswarm_proto::{Lease, Mode, Position, Revision, Stop, StopId, TileAddress};
+use tomoswarm_proto::{Boot, Lease, Mode, Position, Revision, State, Stop, StopId, TileAddress};
 
-use super::super::tests_support::{settings, state};
+use super::super::tests_support::{own_state, settings, state};
 use super::*;
 
 const RUN: RunId = RunId(1);
+/// The first state of the vehicle.
+const SEEN: SeenState = SeenState { boot: Boot(1), sequence: 1 };
 
 pub(super) fn at(time_s: f64) -> Time {
     Time::from_secs_f64(time_s)
@@ -38,7 +40,7 @@ pub(super) fn tiles(wall: Option<(f64, f64)>) -> Vec<In> {
 pub(super) fn plan(revision: u32, stops: &[(f64, f64)]) -> In {
     let stop = |(index, (x_m, y_m)): (usize, &(f64, f64))| Stop {
         id: StopId(index as u32 + 1),
-        at: Position { x_m: *x_m, y_m: *y_m, z_m: 0.0 },
+        at: Position::from_metres(*x_m, *y_m, 0.0),
         route: vec![],
         dwell_ms: 0,
         dwell_limit_ms: 0,
@@ -53,13 +55,13 @@ pub(super) fn plan(revision: u32, stops: &[(f64, f64)]) -> In {
 
 pub(super) fn order(kind: OrderKind) -> In {
     let (vehicle, lease) = (VehicleId(1), Lease::default());
-    In::Order(Order { vehicle, lease, run: RUN, revision: Revision(1), seen_state: 1, kind })
+    In::Order(Order { vehicle, lease, run: RUN, revision: Revision(1), seen: Some(SEEN), kind, ends: vec![] })
 }
 
 /// A mission at the datum that has adopted a plan to (2, 0) and (2, 2), and not been started.
 pub(super) fn planned(wall: Option<(f64, f64)>) -> Mission {
     let mut mission = Mission::new(settings(1));
-    told(&mut mission, 1.0, In::State(state(1, 0.0, 0.0)));
+    told(&mut mission, 1.0, In::State(own_state(0.0, 0.0)));
     for tile in tiles(wall) {
         told(&mut mission, 1.0, tile);
     }
@@ -92,7 +94,7 @@ fn until(mission: &mut Mission, from_s: f64, x_m: f64, counts: impl Fn(&Out) -> 
         if mission.deadline().is_some_and(|deadline| deadline.at <= at(*now_s)) {
             mission.wake(at(*now_s), &mut out).unwrap();
         }
-        out.extend(told(mission, *now_s, In::State(state(1, x_m, 0.0))));
+        out.extend(told(mission, *now_s, In::State(own_state(x_m, 0.0))));
         out.iter().any(&counts)
     })
 }
@@ -123,7 +125,7 @@ fn a_hold_stops_and_a_start_goes_on() {
 fn a_held_vehicle_takes_a_new_revision_from_where_it_stands() {
     let mut mission = planned(None);
     told(&mut mission, 2.0, order(OrderKind::Start));
-    told(&mut mission, 3.0, In::State(state(1, 1.0, 0.0)));
+    told(&mut mission, 3.0, In::State(own_state(1.0, 0.0)));
     assert!(!told(&mut mission, 3.0, plan(3, &[])).contains(&Out::Accepted(RUN, Revision(3))), "on a leg");
     told(&mut mission, 4.0, order(OrderKind::Hold));
     let adopts = |out: &Out| *out == Out::Accepted(RUN, Revision(3));
@@ -145,7 +147,7 @@ fn a_blocked_route_is_planned_anew_and_a_closed_one_is_said() {
 #[test]
 fn the_way_home_waits_until_lower_ids_are_quiet() {
     let mut mission = Mission::new(settings(2));
-    told(&mut mission, 1.0, In::State(state(2, 2.0, 0.0)));
+    told(&mut mission, 1.0, In::State(own_state(2.0, 0.0)));
     for tile in tiles(None) {
         told(&mut mission, 1.0, tile);
     }
@@ -155,7 +157,7 @@ fn the_way_home_waits_until_lower_ids_are_quiet() {
     for second in 2..22 {
         let (now_s, sequence) = (f64::from(second), u64::from(second as u32));
         told(&mut mission, now_s, In::Peer(State { mode: Mode::Driving, sequence, ..state(1, 5.0, 5.0) }));
-        let out = told(&mut mission, now_s, In::State(state(2, 2.0, 0.0)));
+        let out = told(&mut mission, now_s, In::State(own_state(2.0, 0.0)));
         assert!(!out.iter().any(drives), "after {now_s} s");
     }
     told(&mut mission, 70.0, In::Peer(State { sequence: 30, ..state(1, 5.0, 5.0) }));
@@ -170,8 +172,11 @@ fn neither_an_order_nor_a_tile_is_lost_to_a_slow_mission() {
         seat.push(tile);
     }
     for revision in 1..2000 {
-        let progress =
-            Progress { vehicle: VehicleId(2), revision: Revision(revision), ..Progress::default() };
+        let progress = VehicleProgress {
+            vehicle: VehicleId(2),
+            revision: Revision(revision),
+            ..VehicleProgress::default()
+        };
         seat.push(In::Progress(progress));
         seat.push(tiles(None).remove(0));
     }
@@ -193,7 +198,7 @@ fn a_plan_out_of_the_fence_is_refused_once_and_the_old_one_followed() {
 #[test]
 fn a_peer_whose_old_state_comes_late_is_still_driving() {
     let mut mission = Mission::new(settings(2));
-    told(&mut mission, 1.0, In::State(state(2, 2.0, 0.0)));
+    told(&mut mission, 1.0, In::State(own_state(2.0, 0.0)));
     for tile in tiles(None) {
         told(&mut mission, 1.0, tile);
     }
@@ -214,7 +219,7 @@ fn a_place_far_away_is_not_searched_for() {
     pilot.learn(&tile);
     let begin = std::time::Instant::now();
     for _ in 0..500 {
-        assert!(!pilot.can_reach(at(1.0), &state(1, 0.0, 0.0), Point::new(9e5, 9e5)));
+        assert!(!pilot.can_reach(at(1.0), &own_state(0.0, 0.0), Point::new(9e5, 9e5)));
     }
     assert!(begin.elapsed() < Duration::from_secs(1), "{:?}", begin.elapsed());
 }

@@ -31,7 +31,7 @@ impl Orders {
 
     /// Takes an order that was accepted; returns what the motors are told at once.
     pub fn obey(&mut self, now: Time, order: &Order) -> Option<Fly> {
-        let Order { vehicle: _, lease, run, revision, seen_state: _, kind } = *order;
+        let Order { vehicle: _, lease, run, revision, seen: _, kind, ends: _ } = *order;
         self.highest = Ordered { lease, revision, run, kind: Some(kind) };
         if stops(kind) {
             self.stopped_at = Some(now);
@@ -80,21 +80,9 @@ pub fn join_orders(unread: Order, newer: Order) -> Order {
     if unread.lease != newer.lease {
         return if unread.lease > newer.lease { unread } else { newer };
     }
-    let kind = stronger(unread.kind, newer.kind);
+    let kind = unread.kind.stronger(newer.kind);
     let latest = if unread.revision > newer.revision { unread } else { newer };
     Order { kind, ..latest }
-}
-
-fn stronger(a: OrderKind, b: OrderKind) -> OrderKind {
-    let rank = |kind: OrderKind| match kind {
-        OrderKind::Start => 0,
-        OrderKind::Hold => 1,
-        OrderKind::Return => 2,
-        OrderKind::Land => 3,
-        OrderKind::Emergency => 4,
-        OrderKind::CutMotors => 5,
-    };
-    if rank(b) > rank(a) { b } else { a }
 }
 
 #[cfg(test)]
@@ -105,7 +93,7 @@ mod tests {
     fn order(kind: OrderKind, number: u32, revision: u32) -> Order {
         let lease = Lease { number, holder: 7 };
         let revision = Revision(revision);
-        Order { vehicle: VehicleId(1), lease, run: RunId(1), revision, seen_state: 0, kind }
+        Order { vehicle: VehicleId(1), lease, run: RunId(1), revision, seen: None, kind, ends: vec![] }
     }
 
     #[test]

@@ -1,14 +1,18 @@
-//! What the vehicle says of itself: its state with every telemetry, published less often, and which of its states an order
-//! answers. It decides nothing.
+//! What the vehicle says of itself: its state with every telemetry to its other actors, unrounded; less often the state that
+//! travels, which is made of it here and nowhere else; and which of its states an order answers. It decides nothing.
 
 use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
-use tomoswarm_proto::{LegReport, Mode, Revision, RunId, State};
+use tomoswarm_proto::{
+    Boot, Control, LegReport, Mode, Permille, Revision, RunId, SeenState, StandReason, State, Tilt,
+};
 
 use super::restraint::Restraint;
 use super::words::{Motion, Telemetry};
 use super::{Out, Vehicle};
+use crate::geom::{Point, Vector};
+use crate::node::OwnState;
 use crate::node::ages::Ages;
 use crate::time::Time;
 
@@ -23,7 +27,8 @@ pub(super) struct Reports {
     made: Ages,
     published: Option<(Time, Mode)>,
     accepted: (RunId, Revision),
-    mission_holds: bool,
+    /// Why the mission stands still on its own, if it does.
+    mission_holds: Option<StandReason>,
 }
 
 impl Reports {
@@ -32,14 +37,14 @@ impl Reports {
         self.accepted = (run, revision);
     }
 
-    /// Notes whether the mission stands still on its own.
-    pub fn note_mission_holds(&mut self, holds: bool) {
+    /// Notes why the mission stands still on its own, if it does.
+    pub fn note_mission_holds(&mut self, holds: Option<StandReason>) {
         self.mission_holds = holds;
     }
 
-    /// Returns whether what answers a state was said in time.
-    pub fn is_answer(&self, now: Time, seen_state: u64) -> bool {
-        self.made.is_fresh(now, seen_state)
+    /// Returns whether what answers a state of this `boot` was said in time.
+    pub fn is_answer(&self, now: Time, boot: Boot, seen: Option<SeenState>) -> bool {
+        seen.is_some_and(|seen| seen.boot == boot && self.made.is_fresh(now, seen.sequence))
     }
 
     /// Returns the number of the newest state.
@@ -70,24 +75,60 @@ impl Vehicle {
         self.reports.begin(now);
         let state = self.state(telemetry);
         if self.reports.publishes(now, state.mode) {
-            out.push(Out::Publish(state.clone()));
+            out.push(Out::Publish(self.on_wire(&state)));
         }
         out.push(Out::State(state));
     }
 
-    fn state(&self, telemetry: &Telemetry) -> State {
-        let way = self.movement.way_from(telemetry.pose.at);
+    fn state(&self, telemetry: &Telemetry) -> OwnState {
+        OwnState {
+            sequence: self.reports.sequence,
+            pose: telemetry.pose,
+            speed_mps: telemetry.speed_mps,
+            mode: self.mode(telemetry.motion),
+            is_at_rest: telemetry.motion == Motion::Resting,
+            is_armed: telemetry.is_armed,
+            battery: telemetry.battery,
+            leg: self.movement.way_from(telemetry.pose.at),
+            accepted: self.reports.accepted,
+            ordered: self.orders.highest(),
+        }
+    }
+
+    /// Returns the state as it travels. Telemetry tells neither roll nor pitch nor a height, and a body drives the way it
+    /// faces.
+    fn on_wire(&self, own: &OwnState) -> State {
+        let report =
+            |corners: &Vec<Point>| LegReport { route: corners.iter().copied().map(Into::into).collect() };
         State {
             vehicle: self.settings.vehicle,
             boot: self.settings.boot,
-            sequence: self.reports.sequence,
-            pose: telemetry.pose.into(),
-            speed_mps: telemetry.speed_mps,
-            mode: self.mode(telemetry.motion),
-            battery: telemetry.battery,
-            leg: way.map(|way| LegReport { route: way.into_iter().map(Into::into).collect() }),
-            accepted: self.reports.accepted,
-            ordered: self.orders.highest(),
+            sequence: own.sequence,
+            pose: own.pose.at.is_finite().then(|| own.pose.into()),
+            roll: Tilt::UNKNOWN,
+            pitch: Tilt::UNKNOWN,
+            velocity: Vector::polar(own.pose.heading, own.speed_mps).into(),
+            mode: own.mode,
+            stands_under: self.stands_under(own),
+            is_at_rest: own.is_at_rest,
+            control: Control::Ours,
+            is_armed: own.is_armed,
+            is_landed: true,
+            battery: Permille::from_fraction(own.battery),
+            leg: own.leg.as_ref().map(report),
+            accepted: own.accepted,
+            ordered: own.ordered,
+        }
+    }
+
+    /// Returns why the vehicle does not go on by itself, as far as it is known here.
+    fn stands_under(&self, own: &OwnState) -> Option<StandReason> {
+        match self.orders.restraint() {
+            Restraint::Held | Restraint::Landing(_) | Restraint::Emergency(_) => Some(StandReason::Held),
+            Restraint::Free if own.pose.sd_m > self.settings.swarm.pose_sd_max_m => {
+                Some(StandReason::NoPlace)
+            }
+            Restraint::Free => self.reports.mission_holds,
         }
     }
 
@@ -97,7 +138,7 @@ impl Vehicle {
             (Restraint::Free | Restraint::Held | Restraint::Landing(_), Motion::Driving) => Mode::Driving,
             (Restraint::Free | Restraint::Held | Restraint::Landing(_), Motion::Turning) => Mode::Turning,
             (Restraint::Held | Restraint::Landing(_), Motion::Resting) => Mode::Held,
-            (Restraint::Free, Motion::Resting) if self.reports.mission_holds => Mode::Held,
+            (Restraint::Free, Motion::Resting) if self.reports.mission_holds.is_some() => Mode::Held,
             (Restraint::Free, Motion::Resting) if self.movement.is_halted() => Mode::Halted,
             (Restraint::Free, Motion::Resting) => Mode::Idle,
         }

@@ -1,6 +1,8 @@
 //! The operator in virtual time, against vehicles that obey what is above their echo.
 
-use tomoswarm_proto::{Boot, Lease, Order, OrderKind as Kind, Report, RunId, Sender, StationPhase};
+use tomoswarm_proto::{
+    Boot, Lease, OperatorId, Order, OrderKind as Kind, Report, RunId, Sender, StationPhase,
+};
 
 use super::super::outcome::{Refusal, VehicleOutcome};
 use super::super::script::Condition;
@@ -14,7 +16,7 @@ const TICK: Duration = Duration::from_millis(20);
 
 fn settings(greets: bool) -> OperatorSettings {
     let hello = Hello {
-        node: Sender::Operator,
+        node: Sender::Operator(OperatorId(1)),
         boot: Boot(0),
         venue_hash: 5,
         instance: 1,
@@ -22,6 +24,9 @@ fn settings(greets: bool) -> OperatorSettings {
         member_for_s: 0,
         software: "0.1.0".to_owned(),
         capabilities: vec![],
+        name: String::new(),
+        lease: None,
+        interest: vec![],
     };
     OperatorSettings { hello, greets, holder: OWN, expected: BTreeSet::new(), possible: BTreeSet::new() }
 }
@@ -199,7 +204,7 @@ fn the_grounds_own_orders_after_a_start_do_not_end_it() {
     world.run(1.0);
     assert_eq!(world.kinds(), [Some(Kind::Start)]);
     // What an operator has ordered stands, by the report.
-    world.report = Some(Report { standing: Some(Kind::Hold), ..of_one() });
+    world.report = Some(Report { in_force: Some(Kind::Hold), ..of_one() });
     world.rovers[0].state.ordered = Rover::ordered(1, lease, 9, Kind::Hold).state.ordered;
     world.run(6.0);
     assert_eq!(world.ended().len(), 1, "nobody is left for whom it stands");

@@ -111,7 +111,7 @@ fn a_start_uses_the_grounds_lease_and_ends_when_all_states_show_it() {
     let outcome = world.run();
     assert!(outcome.is_done(), "{outcome:?}");
     assert_eq!((outcome.lease, outcome.run), (Some(GROUNDS), Some(RunId(1))));
-    assert!(world.sent.iter().all(|(_, order)| order.revision == Revision(1) && order.seen_state > 0));
+    assert!(world.sent.iter().all(|(_, order)| order.revision == Revision(1) && order.seen.is_some()));
     assert_eq!(world.rovers[1].state.ordered.kind, Some(Kind::Start));
 }
 
@@ -127,7 +127,7 @@ fn the_revision_is_above_each_vehicles_own_echo() {
     let rovers = vec![Rover::ordered(1, GROUNDS, 9, Kind::Start), Rover::new(2)];
     let mut world = World::new(want(Kind::Hold), rovers);
     assert!(world.run().is_done());
-    let of = |id| world.sent.iter().find(|(_, order)| order.vehicle == VehicleId(id)).unwrap().1;
+    let of = |id| world.sent.iter().find(|(_, order)| order.vehicle == VehicleId(id)).unwrap().1.clone();
     assert_eq!((of(1).lease, of(1).revision), (GROUNDS, Revision(10)));
     assert_eq!((of(2).lease, of(2).revision), (GROUNDS, Revision(1)));
 }
@@ -237,7 +237,8 @@ fn a_start_that_the_ground_brings_about_by_a_hold_is_obeyed_unless_something_sta
         }
         // It was obeyed between two states, and the ground has ordered to hold in the same run.
         world.rovers[0].state.ordered = Rover::ordered(1, GROUNDS, 2, Kind::Hold).state.ordered;
-        world.report = Some(Report { phase: StationPhase::Stopping, run: RunId(1), standing, ..report() });
+        world.report =
+            Some(Report { phase: StationPhase::Stopping, run: RunId(1), in_force: standing, ..report() });
         let outcome = world.run();
         assert_eq!(outcome.is_done(), is_done, "{outcome:?}");
     }
@@ -348,8 +349,11 @@ fn greets(vehicle: u8, version: u8, venue_hash: u64) -> Heard {
         instance: 1,
         is_member: true,
         member_for_s: 9,
+        name: String::new(),
         software,
         capabilities,
+        lease: None,
+        interest: vec![],
     };
     let hello = (version == codec::VERSION).then_some(hello);
     Heard::Greeting(Greeting { version, node, boot, venue_hash }, hello)

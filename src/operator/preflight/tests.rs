@@ -1,7 +1,7 @@
 //! Every check by itself: a sound swarm is go, and one thing wrong makes exactly that check refuse.
 
 use tomoswarm_proto::codec::{Greeting, VERSION};
-use tomoswarm_proto::{Boot, Message, OrderKind, Sender};
+use tomoswarm_proto::{AutopilotHealth, Boot, Deviation, Message, OrderKind, Permille, Sender, State};
 
 use super::super::Heard;
 use super::super::tests_support::{Rover, at, heard, report, state};
@@ -25,8 +25,11 @@ fn hello(node: Sender) -> Hello {
         instance: 1,
         is_member: true,
         member_for_s: 60,
+        name: String::new(),
         software: "0.1.0".to_owned(),
         capabilities: vec![],
+        lease: None,
+        interest: vec![],
     }
 }
 
@@ -49,6 +52,10 @@ impl Swarm {
             hellos: vec![hello(vehicle(1)), hello(vehicle(2)), hello(Sender::Ground)],
             reports: vec![report()],
         }
+    }
+
+    fn pose_of_1(&mut self) -> &mut PoseReport {
+        self.states[0].1.pose.as_mut().unwrap()
     }
 
     fn view(self) -> FleetView {
@@ -109,18 +116,22 @@ fn each_check_of_a_vehicle_can_refuse() {
     wrong(|swarm| swarm.states[0].0 = 8.9, &["vehicle 1: bus"]);
     wrong(|swarm| swarm.hellos[1].software = "0.2.0".to_owned(), &["vehicle 2: software"]);
     wrong(|swarm| swarm.hellos[1].venue_hash = 6, &["vehicle 2: venue"]);
-    wrong(|swarm| swarm.states[0].1.pose.sd_m = 0.51, &["vehicle 1: pose"]);
-    wrong(|swarm| swarm.states[0].1.pose.at.y_m = 4.0, &["vehicle 1: home"]);
-    wrong(|swarm| swarm.states[0].1.pose.at.y_m = 10.0, &["vehicle 1: fence", "vehicle 1: home"]);
-    wrong(|swarm| swarm.states[1].1.battery = 0.5, &["vehicle 2: battery"]);
+    wrong(|swarm| swarm.pose_of_1().sd = Deviation(510), &["vehicle 1: pose"]);
+    wrong(|swarm| swarm.pose_of_1().at.y_mm = 4000, &["vehicle 1: home"]);
+    wrong(|swarm| swarm.pose_of_1().at.y_mm = 10_000, &["vehicle 1: fence", "vehicle 1: home"]);
+    wrong(|swarm| swarm.pose_of_1().sd = Deviation::UNKNOWN, &["vehicle 1: pose"]);
+    wrong(|swarm| swarm.states[0].1.pose = None, &["vehicle 1: pose", "vehicle 1: fence", "vehicle 1: home"]);
+    wrong(|swarm| swarm.states[1].1.battery = None, &["vehicle 2: battery"]);
+    wrong(|swarm| swarm.states[1].1.battery = Some(Permille(500)), &["vehicle 2: battery"]);
     wrong(|swarm| swarm.states[1].1.mode = Mode::Held, &["vehicle 2: mode"]);
     wrong(|swarm| swarm.states[1].1.mode = Mode::Emergency, &["vehicle 2: mode"]);
     wrong(|swarm| swarm.healths[0].hears.clear(), &["vehicle 1: radio"]);
     wrong(|swarm| swarm.healths[0].disk_free_mb = Some(200), &["vehicle 1: disk"]);
     wrong(|swarm| swarm.healths[0].samples_lost = 1, &["vehicle 1: samples"]);
     wrong(|swarm| swarm.healths[0].troubles.push("radio: silent".to_owned()), &["vehicle 1: troubles"]);
-    let off = "no-failsafe:gcs".to_owned();
-    wrong(|swarm| swarm.hellos[0].capabilities.push(off), &["vehicle 1: failsafes"]);
+    let failsafes = Failsafes { companion: FailsafeAction::Off, ..Failsafes::default() };
+    let off = AutopilotHealth { failsafes, ..AutopilotHealth::default() };
+    wrong(|swarm| swarm.healths[0].autopilot = Some(off), &["vehicle 1: failsafes"]);
 }
 
 #[test]
@@ -133,7 +144,7 @@ fn each_check_of_the_ground_can_refuse() {
     wrong(|swarm| swarm.hellos[2].venue_hash = 6, &["ground: venue"]);
     wrong(|swarm| swarm.reports[0].lease = Lease::default(), &["ground: lease"]);
     wrong(|swarm| swarm.reports[0].phase = StationPhase::Running, &["ground: phase"]);
-    wrong(|swarm| swarm.reports[0].standing = Some(OrderKind::Hold), &["ground: standing"]);
+    wrong(|swarm| swarm.reports[0].in_force = Some(OrderKind::Hold), &["ground: standing"]);
     wrong(|swarm| swarm.reports[0].members = vec![VehicleId(1)], &["ground: vehicles"]);
     wrong(|swarm| swarm.reports[0].troubles.push("store: disk full".to_owned()), &["ground: store"]);
     let higher = Rover::ordered(1, Lease { number: 5, holder: 1 }, 1, OrderKind::Start).state;

@@ -2,7 +2,7 @@
 
 use std::sync::mpsc::{Receiver, channel};
 
-use tomoswarm_proto::{Progress, RunId, VehicleId};
+use tomoswarm_proto::{Mission, Progress, RunId, VehicleId};
 
 use super::*;
 
@@ -38,7 +38,8 @@ fn open(settings: BusSettings) -> (Bus, Receiver<Heard>) {
 }
 
 fn progress(of: u8, run: u32) -> Message {
-    Message::Progress(Progress { vehicle: VehicleId(of), run: RunId(run), ..Progress::default() })
+    let progress = Progress { run: RunId(run), ..Progress::default() };
+    Message::Mission(Mission { vehicle: VehicleId(of), progress, ..Mission::default() })
 }
 
 /// Publishes again and again until it is heard; links take a moment.
@@ -119,4 +120,27 @@ fn a_port_in_use_is_refused_in_words() {
     );
     let error = again.err().unwrap().to_string();
     assert!(error.contains(&here), "{error}");
+}
+
+#[test]
+fn a_message_of_an_unknown_kind_is_counted_and_its_sender_is_heard_as_before() {
+    let (here, there) = (free_endpoint(), free_endpoint());
+    let (ground, by_ground) =
+        open(settings(Sender::Ground, Topology::Mesh, std::slice::from_ref(&here), &[]));
+    let (two, _) = open(settings(TWO, Topology::Mesh, &[there], &[here]));
+    until_heard(&two.mouth(), &progress(2, 1), &by_ground).unwrap();
+    let mut unknown = OutboundFrame::of(&progress(2, 2)).unwrap();
+    unknown.frame[3] = u8::MAX;
+    let is_counted = (0..100).any(|_| {
+        two.shared.send(unknown.clone());
+        std::thread::sleep(Duration::from_millis(20));
+        ground.mouth().traffic().unknown > 0
+    });
+    assert!(is_counted);
+    assert_eq!(ground.mouth().traffic().refused, 0);
+    assert!(by_ground.try_iter().all(|heard| heard == Heard::Message(TWO, progress(2, 1))));
+    assert_eq!(
+        until_heard(&two.mouth(), &progress(2, 3), &by_ground),
+        Some(Heard::Message(TWO, progress(2, 3)))
+    );
 }

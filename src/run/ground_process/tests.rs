@@ -105,7 +105,13 @@ fn what_strangers_have_sent_before_is_passed_over_after_a_restart() {
         power_dbm: 0,
         rssi_dbm: None,
     };
-    let batch = |id| Samples { vehicle: VehicleId(id), boot: Boot(1), run: RunId(1), samples: vec![sample] };
+    let batch = |id| Samples {
+        vehicle: VehicleId(id),
+        boot: Boot(1),
+        run: RunId(1),
+        samples: vec![sample],
+        lost: vec![],
+    };
     let restored = Restored { samples: vec![batch(1), batch(2)], ..Restored::default() };
     let station = resume(settings, restored, &BTreeSet::from([VehicleId(1)]));
     assert_eq!(station.samples().count(RunId(1)), 1);

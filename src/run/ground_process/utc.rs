@@ -86,7 +86,13 @@ mod tests {
             power_dbm: 0,
             rssi_dbm: None,
         };
-        Samples { vehicle: VehicleId(1), boot: Boot(boot), run: RunId(1), samples: vec![sample] }
+        Samples {
+            vehicle: VehicleId(1),
+            boot: Boot(boot),
+            run: RunId(1),
+            samples: vec![sample],
+            lost: vec![],
+        }
     }
 
     fn offset_s(clocks: &mut Clocks, steady_s: u64, utc_s: f64, batch: &Samples) -> Option<f64> {

@@ -7,7 +7,8 @@ use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::thread::JoinHandle;
 use std::time::Duration;
 
-use tomoswarm_proto::{Boot, Message, VehicleId, codec};
+use tomoswarm_proto::codec::{self, Decoded};
+use tomoswarm_proto::{Boot, Message, VehicleId};
 
 use super::{FromWorld, Refused, ToWorld, Welcome, decode, encode, read_frame, write_frame};
 use crate::node::radio::Heard;
@@ -137,7 +138,7 @@ fn event(word: FromWorld) -> Option<Event> {
         FromWorld::Telemetry(telemetry) => Some(Event::Telemetry(telemetry)),
         FromWorld::Echo(echo) => Some(Event::Echo(echo)),
         FromWorld::Heard { frame, rssi_dbm } => match codec::decode(&frame) {
-            Ok(Message::Beacon(beacon)) => Some(Event::Heard(Heard { beacon, rssi_dbm })),
+            Ok(Decoded::Message(Message::Beacon(beacon))) => Some(Event::Heard(Heard { beacon, rssi_dbm })),
             Ok(_) | Err(_) => None,
         },
         FromWorld::Unsent(sequence) => Some(Event::Unsent(sequence)),

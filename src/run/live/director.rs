@@ -398,6 +398,10 @@ fn mode_name(mode: Mode) -> &'static str {
         Mode::Turning => "turning",
         Mode::Halted => "halted",
         Mode::Held => "held",
+        Mode::TakingOff => "taking off",
+        Mode::Climbing => "climbing",
+        Mode::Landing => "landing",
+        Mode::Stopped => "stopped",
         Mode::Emergency => "emergency",
     }
 }

@@ -28,8 +28,8 @@ pub fn access_rules(roster: &Roster, venue: &str, topology: Topology) -> Vec<Acc
     let rule = |name: super::CommonName| {
         let writes = match (name.node, topology) {
             (Sender::Ground, Topology::Star) => vec![all.clone()],
-            (Sender::Ground | Sender::Vehicle(_) | Sender::Operator, Topology::Mesh)
-            | (Sender::Vehicle(_) | Sender::Operator, Topology::Star) => {
+            (Sender::Ground | Sender::Vehicle(_) | Sender::Operator(_), Topology::Mesh)
+            | (Sender::Vehicle(_) | Sender::Operator(_), Topology::Star) => {
                 let own = written_by(name.node).into_iter();
                 own.map(|key| format!("tomoswarm/{venue}/{key}")).collect()
             }

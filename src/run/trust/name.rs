@@ -3,7 +3,7 @@
 use std::fmt;
 use std::str::FromStr;
 
-use tomoswarm_proto::{Sender, VehicleId};
+use tomoswarm_proto::{OperatorId, Sender, VehicleId};
 
 /// The common name of a certificate, "ground.1" or "vehicle-3.2"; no two certificates of a swarm have the same.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Debug)]
@@ -15,25 +15,26 @@ pub struct CommonName {
 }
 
 impl CommonName {
-    /// Gives the name of a node without the number of its certificate: "ground", "vehicle-3" or "operator".
+    /// Gives the name of a node without the number of its certificate: "ground", "vehicle-3" or "operator-1".
     pub fn node_name(node: Sender) -> String {
         match node {
             Sender::Ground => "ground".to_owned(),
             Sender::Vehicle(vehicle) => format!("vehicle-{vehicle}"),
-            Sender::Operator => "operator".to_owned(),
+            Sender::Operator(operator) => format!("operator-{operator}"),
         }
     }
 
     /// Reads the name of a node; `None` when no node is called so.
     pub fn node_of(name: &str) -> Option<Sender> {
-        match name {
-            "ground" => Some(Sender::Ground),
-            "operator" => Some(Sender::Operator),
-            other => {
-                let number = other.strip_prefix("vehicle-")?;
-                let vehicle = plain_number(number).and_then(|number| u8::try_from(number).ok())?;
-                (1..=250).contains(&vehicle).then_some(Sender::Vehicle(VehicleId(vehicle)))
+        let plain = |number| plain_number(number).and_then(|number| u8::try_from(number).ok());
+        match name.split_once('-') {
+            None => (name == "ground").then_some(Sender::Ground),
+            Some(("operator", number)) => plain(number).map(|number| Sender::Operator(OperatorId(number))),
+            Some(("vehicle", number)) => {
+                let number = plain(number).filter(|number| (1..=250).contains(number))?;
+                Some(Sender::Vehicle(VehicleId(number)))
             }
+            Some(_) => None,
         }
     }
 }
@@ -69,7 +70,8 @@ mod tests {
         let vehicle = |number| Sender::Vehicle(VehicleId(number));
         for (text, node, issue) in [
             ("ground.1", Sender::Ground, 1),
-            ("operator.12", Sender::Operator, 12),
+            ("operator-1.12", Sender::Operator(OperatorId(1)), 12),
+            ("operator-255.1", Sender::Operator(OperatorId(255)), 1),
             ("vehicle-3.2", vehicle(3), 2),
             ("vehicle-250.4294967295", vehicle(250), u32::MAX),
         ] {
@@ -90,6 +92,9 @@ mod tests {
             "vehicle-1.1.1",
             "vehicle-.1",
             "vehicle.1",
+            "operator.1",
+            "operator-01.1",
+            "operator-256.1",
             "ground.4294967296",
         ] {
             assert_eq!(text.parse::<CommonName>(), Err(()), "{text}");

@@ -3,7 +3,8 @@
 //!
 //! What bodies and devices do is the environment's matter ([`crate::sim::environment`]), and the same as in a simulation.
 
-use tomoswarm_proto::{Boot, Message, VehicleId, codec};
+use tomoswarm_proto::codec::{self, Decoded};
+use tomoswarm_proto::{Boot, Message, VehicleId};
 
 use crate::geom::{Angle, Point};
 use crate::run::link::{
@@ -208,7 +209,7 @@ fn command(word: ToWorld) -> Option<DeviceCommand> {
         ToWorld::Steer(beam) => Some(DeviceCommand::Steer(Angle::from_radians(beam.radians()))),
         ToWorld::Ping(ping) => Some(DeviceCommand::Ping(ping)),
         ToWorld::Transmit(frame) => match codec::decode(&frame) {
-            Ok(Message::Beacon(beacon)) => Some(DeviceCommand::Transmit(beacon)),
+            Ok(Decoded::Message(Message::Beacon(beacon))) => Some(DeviceCommand::Transmit(beacon)),
             Ok(_) | Err(_) => None,
         },
         ToWorld::Join { .. }

@@ -75,7 +75,7 @@ pub enum WorldEvent {
         /// Of which vehicle.
         vehicle: usize,
         /// The beacon's sequence.
-        sequence: u64,
+        sequence: u32,
     },
     /// Bodies have touched; they stay where they are.
     Contact(Collision),

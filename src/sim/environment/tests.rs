@@ -1,6 +1,6 @@
 //! What the environment promises to its callers, whoever they are.
 
-use tomoswarm_proto::{Boot, Progress};
+use tomoswarm_proto::Boot;
 
 use super::*;
 use crate::config::{Fault, FaultKind};
@@ -28,20 +28,10 @@ fn fault(kind: FaultKind, from_s: f64, until_s: f64) -> Fault {
     Fault { from: secs(from_s), until: secs(until_s), kind, vehicles: vec![ONE] }
 }
 
-fn beacon(sender: u8, sequence: u64) -> DeviceCommand {
+fn beacon(sender: u8, sequence: u32) -> DeviceCommand {
     let (sender, boot) = (VehicleId(sender), Boot(1));
-    let progress = Progress { vehicle: sender, boot, ..Progress::default() };
-    let (pose, members) = (Default::default(), Vec::new());
-    DeviceCommand::Transmit(Beacon {
-        sender,
-        boot,
-        sequence,
-        pose,
-        channel: 15,
-        power_dbm: 0,
-        members,
-        progress,
-    })
+    let pose = Some(Default::default());
+    DeviceCommand::Transmit(Beacon { sender, boot, sequence, pose, channel: 15, ..Beacon::default() })
 }
 
 fn ping(number: u64) -> DeviceCommand {

@@ -4,8 +4,8 @@
 use std::time::Duration;
 
 use tomoswarm_proto::{
-    Boot, Have, Lease, Message, Order, OrderKind, Plan, Position, Revision, RunId, Sender, Stop, StopId,
-    VehicleId,
+    Boot, Have, Lease, Message, Order, OrderKind, Plan, Position, Revision, RunId, SeenState, Sender, Stop,
+    StopId, VehicleId,
 };
 
 use super::super::body::Limits;
@@ -144,7 +144,15 @@ impl Rig {
         }
         let lease = Lease { number: 1, holder: 1 };
         let (vehicle, run, revision) = (VehicleId(1), RunId(1), Revision(1));
-        let order = Order { vehicle, lease, run, revision, seen_state: 1, kind: OrderKind::Start };
+        let order = Order {
+            vehicle,
+            lease,
+            run,
+            revision,
+            seen: Some(SeenState { boot: Boot(1), sequence: 1 }),
+            kind: OrderKind::Start,
+            ends: vec![],
+        };
         self.tell(Event::Bus(Sender::Ground, Message::Order(order)));
     }
 
@@ -238,7 +246,7 @@ impl Rig {
 fn plan(revision: u32, stops: &[(f64, f64)]) -> Plan {
     let stop = |(index, (x_m, y_m)): (usize, &(f64, f64))| Stop {
         id: StopId(index as u32 + 1),
-        at: Position { x_m: *x_m, y_m: *y_m, z_m: 0.0 },
+        at: Position::from_metres(*x_m, *y_m, 0.0),
         route: vec![],
         dwell_ms: 0,
         dwell_limit_ms: 0,

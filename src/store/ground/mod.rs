@@ -31,6 +31,8 @@ const BUSY: Duration = Duration::from_secs(3);
 const CLOCKS_MOST: usize = 64;
 /// The program's own version.
 const SOFTWARE: &str = env!("CARGO_PKG_VERSION");
+/// What wrote a memory: its form changes with the wire as well.
+const MEMORY: &str = concat!(env!("CARGO_PKG_VERSION"), ", wire 2");
 
 /// What a start of the ground station says about itself, to be kept with the data.
 #[derive(Clone, PartialEq, Debug, Default)]
@@ -347,8 +349,7 @@ impl GroundStore {
     /// [`StoreError`]: the earlier one is there still.
     pub fn remember(&mut self, memory: &[u8]) -> Result<(), StoreError> {
         self.write(|transaction| {
-            transaction
-                .execute("INSERT OR REPLACE INTO memory VALUES (1, ?, ?)", params![SOFTWARE, memory])?;
+            transaction.execute("INSERT OR REPLACE INTO memory VALUES (1, ?, ?)", params![MEMORY, memory])?;
             Ok(())
         })
     }

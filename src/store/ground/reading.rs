@@ -10,7 +10,7 @@ use tomoswarm_proto::{
     Boot, LayerId, RunId, Sample, Samples, TILE_CELLS, TileAddress, TileReport, VehicleId,
 };
 
-use super::{GroundStore, SOFTWARE, UtcOffset};
+use super::{GroundStore, MEMORY, UtcOffset};
 use crate::geom::{PixelGrid, Point, Rect};
 use crate::store::{StoreError, sample_row};
 use crate::tomo::{Image, Peak};
@@ -121,7 +121,7 @@ impl GroundStore {
             store.connection.query_row(query, [], |row| Ok((row.get(0)?, row.get(1)?))).optional()
         })?;
         let (memory, foreign_memory) = match memory {
-            Some((version, blob)) if version == SOFTWARE => (Some(blob), None),
+            Some((version, blob)) if version == MEMORY => (Some(blob), None),
             Some((version, _)) => (None, Some(version)),
             None => (None, None),
         };
@@ -132,7 +132,7 @@ impl GroundStore {
                 (batch.vehicle, batch.boot, batch.run) == (vehicle, boot, run) && batch.samples.len() < BATCH
             };
             if !samples.last().is_some_and(fits) {
-                samples.push(Samples { vehicle, boot, run, samples: Vec::new() });
+                samples.push(Samples { vehicle, boot, run, ..Samples::default() });
             }
             if let Some(batch) = samples.last_mut() {
                 batch.samples.push(sample);
@@ -151,7 +151,7 @@ impl GroundStore {
     pub fn memory(&self) -> Result<Option<Vec<u8>>, StoreError> {
         self.read(|store| {
             let query = "SELECT blob FROM memory WHERE version = ?";
-            store.connection.query_row(query, [SOFTWARE], |row| row.get(0)).optional()
+            store.connection.query_row(query, [MEMORY], |row| row.get(0)).optional()
         })
     }
 

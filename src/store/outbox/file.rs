@@ -258,8 +258,11 @@ pub(super) mod tests {
     const OWN: VehicleId = VehicleId(3);
 
     pub(in super::super) fn sample(sequence: u64) -> Sample {
-        let mut receiver_pose = tomoswarm_proto::PoseReport::default();
-        (receiver_pose.at.x_m, receiver_pose.at.y_m, receiver_pose.heading_rad) = (0.1, -2.5e-7, 3.0);
+        let receiver_pose = tomoswarm_proto::PoseReport {
+            at: tomoswarm_proto::Position { x_mm: 100, y_mm: -1, z_mm: 0 },
+            heading: tomoswarm_proto::Heading(30_000),
+            sd: tomoswarm_proto::Deviation::UNKNOWN,
+        };
         Sample {
             sequence,
             heard_at_ns: 1_234_567_890_123 + sequence,

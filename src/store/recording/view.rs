@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use std::time::Duration;
 
 use serde_json::{Value, json};
-use tomoswarm_proto::{Message, PoseReport, State, TileReport, VehicleId};
+use tomoswarm_proto::{Message, State, TileReport, VehicleId};
 
 use super::base64;
 use super::schema::Schema;
@@ -92,7 +92,7 @@ impl View {
 
     fn vehicle(&self, now: Time, out: &vehicle::Out) -> Option<Shown> {
         match out {
-            vehicle::Out::Publish(state) => Some(pose(now, state)),
+            vehicle::Out::Publish(state) => pose(now, state),
             vehicle::Out::Remark(remark) => Some(self.log(now, INFO, "vehicle", &format!("{remark:?}"))),
             vehicle::Out::Fly(_) | vehicle::Out::State(_) | vehicle::Out::Order(_) => None,
         }
@@ -113,19 +113,24 @@ impl View {
         let mut shown = Vec::new();
         if let Cause::Told(station::In::Bus(message)) = &step.cause {
             match message {
-                Message::State(state) => shown.extend(self.newer(state).then(|| pose(step.now, state))),
+                Message::State(state) => {
+                    shown.extend(self.newer(state).then(|| pose(step.now, state)).flatten())
+                }
                 Message::Tile(report) => self.learn(report),
                 Message::Digest(_)
                 | Message::Want(_)
                 | Message::Plan(_)
-                | Message::Progress(_)
+                | Message::Mission(_)
                 | Message::Order(_)
                 | Message::Samples(_)
                 | Message::Have(_)
                 | Message::Beacon(_)
                 | Message::Hello(_)
                 | Message::Health(_)
-                | Message::Report(_) => {}
+                | Message::Report(_)
+                | Message::Standing(_)
+                | Message::Task(_)
+                | Message::Image(_) => {}
             }
         }
         for out in &step.said {
@@ -227,15 +232,16 @@ impl Grid {
     }
 }
 
-fn pose(now: Time, state: &State) -> Shown {
-    let PoseReport { at, heading_rad, .. } = state.pose;
-    let position = json!({"x": at.x_m, "y": at.y_m, "z": at.z_m});
+/// Returns where a vehicle is; `None` when it does not know.
+fn pose(now: Time, state: &State) -> Option<Shown> {
+    let pose = state.pose?;
+    let position = json!({"x": pose.at.x_m(), "y": pose.at.y_m(), "z": pose.at.z_m()});
     let value = json!({
         "timestamp": timestamp(now),
         "frame_id": FRAME,
-        "pose": {"position": position, "orientation": turned(heading_rad)},
+        "pose": {"position": position, "orientation": turned(pose.heading.radians())},
     });
-    Shown { topic: format!("/vehicle/{}/pose", state.vehicle), schema: Schema::Pose, value }
+    Some(Shown { topic: format!("/vehicle/{}/pose", state.vehicle), schema: Schema::Pose, value })
 }
 
 /// A turn about the upward axis, as a quaternion.

@@ -15,7 +15,7 @@ fn at(time_s: f64) -> Time {
 fn edition(revision: u32, stops: u32) -> Plan {
     let stop = |index: u32| Stop {
         id: StopId(index),
-        at: Position { x_m: 2.0 * f64::from(index), y_m: 0.0, z_m: 0.0 },
+        at: Position::from_metres(2.0 * f64::from(index), 0.0, 0.0),
         route: vec![],
         dwell_ms: 0,
         dwell_limit_ms: 0,

@@ -27,6 +27,11 @@ impl Pathfind {
         Pathfind { is_begun: false, places: places.iter().copied().collect(), no_way: 0, given_up: 0 }
     }
 
+    /// Returns how many places are still to be visited.
+    pub fn places_left(&self) -> usize {
+        self.places.len()
+    }
+
     fn next_place(&self) -> Step {
         match (self.places.front(), self.given_up, self.no_way) {
             (Some(place), ..) => Step::GoTo(*place),

@@ -28,6 +28,11 @@ impl Straight {
         Straight { places: VecDeque::new(), ahead_m: Some(distance_m) }
     }
 
+    /// Returns how many places are still to be visited.
+    pub fn places_left(&self) -> usize {
+        self.places.len() + usize::from(self.ahead_m.is_some())
+    }
+
     fn next_leg(&mut self, around: &Surroundings<'_>) -> Step {
         if let Some(ahead_m) = self.ahead_m.take() {
             self.places.push_back(around.pose.at + Vector::polar(around.pose.heading, ahead_m));

@@ -1,11 +1,10 @@
 //! The pilot's search for a path: where to, over what, and what is kept clear of. When to search, and what becomes of
 //! the result, is decided by [`super::Pilot`].
 
-use tomoswarm_proto::State;
-
 use super::{Doing, Pilot, Unknown};
 use crate::geom::{Point, Pose, Segment, Track};
 use crate::map::CellRect;
+use crate::node::OwnState;
 use crate::node::vehicle::Bump;
 use crate::plan::{Grid, MAX_GRID_CELLS, Rules, shortest_route};
 use crate::time::Time;
@@ -89,8 +88,8 @@ impl Pilot {
     }
 
     /// Tells whether a place could be reached, as far as is known; unknown cells count as free.
-    pub fn can_reach(&self, now: Time, state: &State, place: Point) -> bool {
-        self.path(now, Pose::from(state.pose), place, true, &self.peers).is_some()
+    pub fn can_reach(&self, now: Time, state: &OwnState, place: Point) -> bool {
+        self.path(now, state.pose, place, true, &self.peers).is_some()
     }
 
     pub(super) fn path(

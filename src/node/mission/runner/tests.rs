@@ -1,18 +1,18 @@
 //! How steps are carried out, whoever says them: a vehicle at a place, on ground that is free for 6 m around the datum.
 
-use tomoswarm_proto::VehicleId;
+use tomoswarm_proto::{State, VehicleId};
 
 use super::*;
 use crate::node::Task;
 use crate::node::mission::In;
 use crate::node::mission::tests::{at, tiles};
-use crate::node::tests_support::{settings, state};
+use crate::node::tests_support::{own_state, settings, state};
 
 struct Rig {
     runner: StepRunner,
     pilot: Pilot,
     peers: Peers,
-    own: State,
+    own: OwnState,
     now_s: f64,
 }
 
@@ -25,7 +25,7 @@ impl Rig {
             pilot.learn(&tile);
         }
         let runner = StepRunner::of(&settings).expect("it is no task of the ground's");
-        Rig { runner, pilot, peers: Peers::new(settings.vehicle), own: state(1, 3.0, 0.0), now_s: 1.0 }
+        Rig { runner, pilot, peers: Peers::new(settings.vehicle), own: own_state(3.0, 0.0), now_s: 1.0 }
     }
 
     /// Goes on a tenth of a second later; gives what is said.
@@ -46,7 +46,7 @@ impl Rig {
     /// Stands at the end of the way that is driven.
     fn arrive(&mut self) {
         let end = self.pilot.way().end();
-        self.own.pose.at = tomoswarm_proto::Position { x_m: end.x_m, y_m: end.y_m, z_m: 0.0 };
+        self.own.pose.at = end;
         self.pilot.give_up(end);
     }
 
@@ -56,7 +56,7 @@ impl Rig {
         for _ in 0..tenths {
             for said in self.go_on(&[]) {
                 match said {
-                    Out::Command(_, Command::Turn(heading)) => self.own.pose.heading_rad = heading.radians(),
+                    Out::Command(_, Command::Turn(heading)) => self.own.pose.heading = heading,
                     Out::Remark(remark) => remarks.push(remark),
                     Out::Command(..)
                     | Out::Holds(_)

@@ -212,7 +212,7 @@ impl Witness {
                 let peer = crate::node::tests_support::state(2, 1.0, y_m);
                 In::Peer(State { sequence: self.peer_sequence, mode, leg, ..peer })
             }
-            Happening::MissionHolds(holds) => In::Holds(holds),
+            Happening::MissionHolds(holds) => In::Holds(holds.then_some(StandReason::Alone)),
             Happening::Nothing => return None,
         })
     }

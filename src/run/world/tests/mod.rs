@@ -4,7 +4,7 @@
 mod sockets;
 mod virtual_time;
 
-use tomoswarm_proto::{Beacon, Boot, Message, Progress, VehicleId, codec};
+use tomoswarm_proto::{Beacon, Boot, Message, VehicleId, codec};
 
 use crate::config;
 use crate::geom::Point;
@@ -45,16 +45,16 @@ fn drive(x_m: f64, y_m: f64) -> ToWorld {
     ToWorld::Fly(Fly::Drive { corners: vec![Point::new(x_m, y_m)], speed_mps: 1.0 })
 }
 
-fn beacon(sender: VehicleId, sequence: u64) -> ToWorld {
+fn beacon(sender: VehicleId, sequence: u32) -> ToWorld {
     let beacon = Beacon {
         sender,
         boot: Boot(1),
         sequence,
-        pose: Default::default(),
+        pose: Some(Default::default()),
         channel: 15,
         power_dbm: 0,
         members: Vec::new(),
-        progress: Progress { vehicle: sender, boot: Boot(1), ..Progress::default() },
+        ..Beacon::default()
     };
     ToWorld::Transmit(codec::encode(&Message::Beacon(beacon)).unwrap())
 }

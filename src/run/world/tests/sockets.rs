@@ -5,6 +5,8 @@ use std::net::{SocketAddr, TcpStream};
 use std::sync::mpsc::{Receiver, channel};
 use std::time::{Duration, Instant};
 
+use tomoswarm_proto::codec::Decoded;
+
 use super::super::{WorldError, WorldServer};
 use super::*;
 use crate::node::route::Note;
@@ -95,7 +97,9 @@ fn a_vehicle_drives_and_sees_and_hears_another_one() {
         FromWorld::Heard { frame, rssi_dbm } => Some((codec::decode(&frame).unwrap(), rssi_dbm)),
         _other => None,
     };
-    let (Message::Beacon(beacon), rssi_dbm) = two.wait_for(heard) else { panic!("a beacon") };
+    let (Decoded::Message(Message::Beacon(beacon)), rssi_dbm) = two.wait_for(heard) else {
+        panic!("a beacon")
+    };
     assert_eq!((beacon.sender, beacon.sequence), (ONE, 3));
     assert!(HEARD_DBM.contains(&rssi_dbm), "{rssi_dbm} dBm");
     two.say(&drive(5.0, -1.5));
@@ -264,13 +268,13 @@ fn the_link_comes_back_when_the_world_does() {
     assert!(std::iter::from_fn(|| told.recv_timeout(Duration::from_millis(500)).ok()).count() < 1000);
 }
 
-fn transmit(sequence: u64) -> Effect {
+fn transmit(sequence: u32) -> Effect {
     let ToWorld::Transmit(frame) = beacon(ONE, sequence) else { panic!("a beacon") };
-    let Ok(Message::Beacon(beacon)) = codec::decode(&frame) else { panic!("a beacon") };
+    let Ok(Decoded::Message(Message::Beacon(beacon))) = codec::decode(&frame) else { panic!("a beacon") };
     Effect::Transmit(beacon)
 }
 
-fn unsent(told: &Receiver<Event>) -> u64 {
+fn unsent(told: &Receiver<Event>) -> u32 {
     let of = |event| if let Event::Unsent(sequence) = event { Some(sequence) } else { None };
     std::iter::from_fn(|| told.recv_timeout(Duration::from_secs(2)).ok()).find_map(of).expect("it comes back")
 }

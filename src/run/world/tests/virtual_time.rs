@@ -250,7 +250,7 @@ fn a_flood_of_words_leaves_nothing_behind() {
     for number in 0..20_000 {
         obey(&mut world, 0, drive(-1.5, 4.0 + f64::from(number % 7)));
         obey(&mut world, 0, ping(u64::from(number as u32)));
-        obey(&mut world, 0, beacon(ONE, u64::from(number as u32)));
+        obey(&mut world, 0, beacon(ONE, number as u32));
     }
     assert!(world.pending() < 20, "{} things are to happen", world.pending());
 }

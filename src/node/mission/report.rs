@@ -1,0 +1,173 @@
+//! What the mission says of itself to the other nodes, as it travels. It decides nothing, and says *unknown* or *none* for
+//! what is not known here.
+
+use tomoswarm_proto::{MissionEnd, MissionKind, MissionPhase, Permille, Position, StandReason};
+
+use super::goal::Goal;
+use super::runner::StepRunner;
+use super::{Cause, End, Mission, is_at_home};
+use crate::node::Task;
+
+impl Mission {
+    /// Returns how far the vehicle is with its mission.
+    pub(super) fn on_wire(&self) -> tomoswarm_proto::Mission {
+        let (done, stops) = self.plan.stops_done();
+        let left = self.runner.as_ref().map_or(stops - done, StepRunner::places_left);
+        let is_home =
+            |state: &super::OwnState| state.is_at_rest && is_at_home(state.pose, self.settings.home);
+        tomoswarm_proto::Mission {
+            vehicle: self.settings.vehicle,
+            boot: self.settings.boot,
+            progress: self.plan.progress().into(),
+            kind: self.kind(),
+            phase: self.phase(),
+            share: self.share(done, stops),
+            places_left: u16::try_from(left).unwrap_or(u16::MAX),
+            goal: self.place_ahead(),
+            slice: self.settings.slice,
+            end: self.end(),
+            is_at_home: self.state.as_ref().is_some_and(is_home),
+        }
+    }
+
+    /// Returns why it stands and does not go on by itself; `None` = it may.
+    pub(super) fn holds_for(&self) -> Option<StandReason> {
+        self.holds().then(|| match self.goal.cause() {
+            _ if self.links.is_alone && self.goal.is_under_way() => StandReason::Alone,
+            Some(Cause::BusLost) => StandReason::Alone,
+            Some(Cause::BatteryLow | Cause::BatteryEmpty) => StandReason::Battery,
+            None => StandReason::Held,
+        })
+    }
+
+    fn kind(&self) -> MissionKind {
+        match self.settings.task {
+            Task::Plan => MissionKind::Sweep,
+            Task::Legs(_) => MissionKind::Legs,
+            Task::Forward(_) => MissionKind::Forward,
+            Task::Browse => MissionKind::Browse,
+            Task::Search => MissionKind::Search,
+            Task::Pathfind(_) => MissionKind::Pathfind,
+            Task::Explore => MissionKind::Explore,
+        }
+    }
+
+    fn phase(&self) -> MissionPhase {
+        match self.goal {
+            _ if self.holds() => MissionPhase::Held,
+            Goal::Waiting => MissionPhase::Waiting,
+            Goal::Held(_) => MissionPhase::Held,
+            Goal::Returning(_) => MissionPhase::Returning,
+            Goal::Home(_) => MissionPhase::Over,
+            Goal::Following => self.runner.as_ref().map_or_else(|| self.plan.phase(), StepRunner::phase),
+        }
+    }
+
+    /// Returns how much of the plan is done; nobody knows how much of a mission of its own there is.
+    fn share(&self, done: usize, stops: usize) -> Option<Permille> {
+        let is_planned = self.runner.is_none() && stops > 0;
+        is_planned.then(|| Permille::from_fraction(done as f64 / stops as f64)).flatten()
+    }
+
+    /// Returns where its way ends.
+    fn place_ahead(&self) -> Option<Position> {
+        let way = self.pilot.way();
+        (!way.is_empty()).then(|| way.end().into())
+    }
+
+    fn end(&self) -> Option<MissionEnd> {
+        match &self.runner {
+            Some(runner) => runner.end().map(end_on_wire),
+            None => self.plan.is_done().then_some(MissionEnd::Done),
+        }
+    }
+}
+
+fn end_on_wire(end: &End) -> MissionEnd {
+    // Whoever missed something missed one place at least.
+    let places = |count: usize| u16::try_from(count).unwrap_or(u16::MAX).max(1);
+    match end {
+        End::Done => MissionEnd::Done,
+        End::Stopped(_) => MissionEnd::Stopped,
+        End::NoWay(count) => MissionEnd::NoWay(places(*count)),
+        End::GaveUp(count) => MissionEnd::GaveUp(places(*count)),
+        End::NoRoom | End::TooLarge => MissionEnd::GaveUp(1),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use tomoswarm_proto::OrderKind;
+
+    use super::super::tests::{at, order, planned, told};
+    use super::*;
+    use crate::actor::Actor;
+    use crate::geom::Point;
+    use crate::node::mission::In;
+    use crate::node::tests_support::{own_state, settings};
+
+    fn shows(mission: &Mission) -> (MissionPhase, Option<Permille>, u16, Option<Position>, bool) {
+        let said = mission.on_wire();
+        (said.phase, said.share, said.places_left, said.goal, said.is_at_home)
+    }
+
+    #[test]
+    fn a_vehicle_with_a_plan_says_how_far_it_is_and_where_it_goes() {
+        let mut mission = planned(None);
+        let none = Some(Permille(0));
+        let end = Some(Position { x_mm: 2000, y_mm: 2000, z_mm: 0 });
+        assert_eq!(shows(&mission), (MissionPhase::Waiting, none, 2, None, true));
+        told(&mut mission, 2.0, order(OrderKind::Start));
+        assert_eq!(shows(&mission), (MissionPhase::Going, none, 2, end, true));
+        told(&mut mission, 5.0, In::State(own_state(2.0, 0.0)));
+        assert_eq!(shows(&mission), (MissionPhase::Going, Some(Permille(500)), 1, end, false));
+        let said = mission.on_wire();
+        assert_eq!((said.kind, said.end, said.slice), (MissionKind::Sweep, None, 0));
+        told(&mut mission, 6.0, In::State(own_state(2.0, 2.0)));
+        let said = mission.on_wire();
+        assert_eq!((said.phase, said.end), (MissionPhase::Over, Some(MissionEnd::Done)));
+        assert_eq!((said.share, said.places_left, said.goal), (Some(Permille::WHOLE), 0, None));
+    }
+
+    #[test]
+    fn a_vehicle_that_holds_says_so_and_why() {
+        let mut mission = planned(None);
+        assert_eq!(mission.holds_for(), None);
+        told(&mut mission, 2.0, order(OrderKind::Hold));
+        assert_eq!(
+            (mission.holds_for(), mission.on_wire().phase),
+            (Some(StandReason::Held), MissionPhase::Held)
+        );
+        told(&mut mission, 3.0, order(OrderKind::Start));
+        let empty = crate::node::OwnState { battery: 0.01, ..own_state(1.0, 0.0) };
+        told(&mut mission, 4.0, In::State(empty));
+        assert_eq!(mission.holds_for(), Some(StandReason::Battery));
+    }
+
+    #[test]
+    fn a_mission_of_its_own_has_places_left_and_no_share() {
+        let places = vec![Point::new(2.0, 0.0), Point::new(2.0, 2.0)];
+        let task = Task::Pathfind(places);
+        let mut mission = Mission::new(crate::node::Settings { task, ..settings(1) });
+        told(&mut mission, 1.0, In::State(own_state(0.0, 0.0)));
+        told(&mut mission, 1.1, order(OrderKind::Start));
+        mission.wake(at(1.2), &mut Vec::new()).unwrap();
+        let said = mission.on_wire();
+        assert_eq!((said.kind, said.phase), (MissionKind::Pathfind, MissionPhase::Looking));
+        assert_eq!((said.share, said.places_left, said.end), (None, 2, None));
+    }
+
+    #[test]
+    fn every_end_can_be_said() {
+        let place = Point::new(1.0, 1.0);
+        for (end, on_wire) in [
+            (End::Done, MissionEnd::Done),
+            (End::Stopped(place), MissionEnd::Stopped),
+            (End::NoWay(3), MissionEnd::NoWay(3)),
+            (End::GaveUp(70_000), MissionEnd::GaveUp(u16::MAX)),
+            (End::NoRoom, MissionEnd::GaveUp(1)),
+        ] {
+            assert_eq!(end_on_wire(&end), on_wire);
+        }
+    }
+}

@@ -1,0 +1,32 @@
+//! What a vehicle knows of itself, as the vehicle actor tells the other actors of the same vehicle with every telemetry. Its
+//! numbers are not rounded: what travels is made of it in `vehicle/report.rs` and nowhere else.
+
+use serde::{Deserialize, Serialize};
+use tomoswarm_proto::{Mode, Ordered, Revision, RunId};
+
+use crate::geom::{Point, Pose};
+
+/// The state of the own vehicle.
+#[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
+pub struct OwnState {
+    /// Counts the states of this boot.
+    pub sequence: u64,
+    /// Where the autopilot believes to be.
+    pub pose: Pose,
+    /// Speed over ground, m/s.
+    pub speed_mps: f64,
+    /// What it is doing.
+    pub mode: Mode,
+    /// Whether it has come to rest.
+    pub is_at_rest: bool,
+    /// Whether the motors have current.
+    pub is_armed: bool,
+    /// Charge left, 0 to 1.
+    pub battery: f64,
+    /// Corners of the route that it is committed to, the first where it is; `None` at rest.
+    pub leg: Option<Vec<Point>>,
+    /// Run and revision of the plan it has accepted.
+    pub accepted: (RunId, Revision),
+    /// Highest order accepted.
+    pub ordered: Ordered,
+}
