@@ -6,7 +6,7 @@ use std::time::Duration;
 
 use serde::Serialize;
 use tomoswarm_proto::{
-    FailsafeAction, Failsafes, Health, Hello, Lease, Mode, PoseReport, Report, StationPhase, VehicleId,
+    BEACON_MEMBERS_MAX, FailsafeAction, Failsafes, Health, Hello, Lease, Mode, PoseReport, Report, StationPhase, VehicleId,
 };
 
 use super::fleet_view::{FleetView, GROUND_LIVES, VehicleView};
@@ -193,12 +193,12 @@ fn home(id: VehicleId, placed: PoseReport, homes: &[Point]) -> (bool, String) {
 }
 
 fn radio(id: VehicleId, health: &Health, needs: &Needs) -> (bool, String) {
-    let missing: Vec<VehicleId> = needs
-        .vehicles
-        .iter()
-        .copied()
-        .filter(|other| *other != id && !health.hears.contains(other))
-        .collect();
+    let is_missing = |other: &VehicleId| *other != id && !health.hears.contains(other);
+    let missing: Vec<VehicleId> = needs.vehicles.iter().copied().filter(is_missing).collect();
+    // A vehicle names no more than a beacon does: of the others it says nothing.
+    if !missing.is_empty() && health.hears.len() >= BEACON_MEMBERS_MAX {
+        return (true, format!("hears {} and may hear more", listed(&health.hears)));
+    }
     let found = match missing.is_empty() {
         true => format!("hears {}", listed(&health.hears)),
         false => format!("hears {}, not {}", listed(&health.hears), listed(&missing)),

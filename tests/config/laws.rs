@@ -109,8 +109,10 @@ proptest! {
         insert in "[-0-9a-z=\\[\\]{}\"',.#\n]{0,6}",
     ) {
         let mut text = bundled::load(file).unwrap();
-        let from = cut.index(text.len());
-        let until = (from + length).min(text.len());
+        // Not within a character: a text is one of characters.
+        let whole = |at: usize| (0..=at).rev().find(|at| text.is_char_boundary(*at)).unwrap_or(0);
+        let from = whole(cut.index(text.len()));
+        let until = whole((from + length).min(text.len()));
         text.replace_range(from..until, &insert);
         let lines = text.lines().count().max(1);
         if let Err(problems) = config::read(file, &text, &mut |path| bundled::load(path)) {

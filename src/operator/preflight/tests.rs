@@ -178,3 +178,13 @@ fn nobody_is_no_swarm() {
     let nobody = Needs { vehicles: BTreeSet::new(), ..needs() };
     assert!(!is_go(&inspect(&Swarm::sound().view(), &nobody, at(NOW_S))));
 }
+
+#[test]
+fn a_vehicle_that_names_as_many_as_a_beacon_does_may_hear_more() {
+    let all: Vec<VehicleId> = (1..=20).map(VehicleId).collect();
+    let needs = Needs { vehicles: all.iter().copied().collect(), ..needs() };
+    let hears = |count: usize| Health { hears: all[1..=count].to_vec(), ..health(1, 2) };
+    let is_go = |count: usize| super::radio(VehicleId(1), &hears(count), &needs).0;
+    assert!(is_go(BEACON_MEMBERS_MAX) && is_go(19));
+    assert!(!is_go(BEACON_MEMBERS_MAX - 1), "with room for one more it would have been named");
+}

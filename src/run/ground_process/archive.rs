@@ -43,6 +43,7 @@ struct Waiting {
     runs: BTreeMap<RunId, Story>,
     tiles: BTreeMap<(LayerId, TileAddress), TileReport>,
     software: BTreeMap<VehicleId, (Boot, String, bool)>,
+    clocks: BTreeMap<VehicleId, (Boot, UtcOffset)>,
 }
 
 /// What is to be noted of a run.
@@ -121,9 +122,9 @@ impl Archive {
         is_stored
     }
 
-    /// Stores how a vehicle's clock stands; the next estimate comes by itself.
-    pub(super) fn keep_clock(&self, vehicle: VehicleId, boot: Boot, clock: UtcOffset) {
-        self.write("clocks", |store| store.note_vehicle(vehicle, boot, None, Some(clock)));
+    /// Notes how a vehicle's clock stands; a later estimate replaces it.
+    pub(super) fn hold_clock(&self, vehicle: VehicleId, boot: Boot, clock: UtcOffset) {
+        lock(&self.waiting).clocks.insert(vehicle, (boot, clock));
     }
 
     /// Writes what waits, tiles only on request; what cannot be written waits on. Gives whether all is well.
@@ -134,6 +135,7 @@ impl Archive {
             self.keep_plans(),
             self.keep_pictures(),
             self.keep_software(),
+            self.keep_clocks(),
             !with_tiles || self.keep_tiles(),
         ];
         all.into_iter().all(|is_well| is_well)
@@ -213,6 +215,18 @@ impl Archive {
             let same =
                 waiting.software.get_mut(&vehicle).filter(|held| (held.0, &held.1) == (boot, &software));
             same.into_iter().for_each(|held| held.2 = true);
+        }
+        true
+    }
+
+    fn keep_clocks(&self) -> bool {
+        let mut clocks = std::mem::take(&mut lock(&self.waiting).clocks);
+        while let Some((vehicle, (boot, clock))) = clocks.pop_first() {
+            if !self.write("clocks", |store| store.note_vehicle(vehicle, boot, None, Some(clock))) {
+                clocks.insert(vehicle, (boot, clock));
+                give_back(&mut lock(&self.waiting).clocks, clocks, usize::MAX);
+                return false;
+            }
         }
         true
     }

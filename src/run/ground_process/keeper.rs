@@ -109,7 +109,7 @@ impl<T: Fn(Samples)> Keeper<T> {
     fn set_clock(&mut self, batch: &Samples) {
         let Ok(utc) = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH) else { return };
         if let Some(clock) = self.clocks.take(self.began.elapsed(), utc.as_secs_f64(), batch) {
-            self.archive.keep_clock(batch.vehicle, batch.boot, clock);
+            self.archive.hold_clock(batch.vehicle, batch.boot, clock);
         }
     }
 }
