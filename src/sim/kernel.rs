@@ -469,8 +469,9 @@ impl Kernel {
             match effect {
                 ground::Effect::Publish(message) => self.publish(NodeId::Ground, &message),
                 ground::Effect::Picture(picture) => self.picture(picture),
-                // A simulated ground station is never started anew from its memory.
-                ground::Effect::Remember(_) => {}
+                // A simulated ground station has no store, and is never started anew from its memory.
+                ground::Effect::Remember(_) | ground::Effect::BeginRun { .. } | ground::Effect::EndRun(_) => {
+                }
                 ground::Effect::Note(note) => self.ground_note(&note),
             }
         }
