@@ -59,7 +59,7 @@ pub struct EnrollArgs {
     /// Give an enrolled node a new certificate; the old one ends
     #[arg(long)]
     pub replace: bool,
-    /// Take a node out of the roster: ground, vehicle-N or operator
+    /// Take a node out of the roster: ground, vehicle-N or operator-N
     #[arg(long, value_name = "NAME", conflicts_with_all = ["replace", "hosts"])]
     pub revoke: Option<String>,
 }

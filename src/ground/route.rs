@@ -13,6 +13,7 @@ use super::{imager, planner, station};
 
 /// What reaches the ground station from outside.
 #[derive(Clone, Debug)]
+#[allow(clippy::large_enum_variant, reason = "nearly all of them are messages, and are taken out at once")]
 pub enum Event {
     /// The bus delivered a message that another node said.
     Bus(Sender, Message),

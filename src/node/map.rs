@@ -45,6 +45,7 @@ pub enum In {
 
 /// What the map actor can say.
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
+#[allow(clippy::large_enum_variant, reason = "nearly all of them are messages, and are taken out at once")]
 pub enum Out {
     /// Tiles that changed, own and peers'.
     Tiles(Vec<TileReport>),

@@ -33,7 +33,7 @@ pub enum VehicleOutcome {
 #[derive(Clone, Copy, PartialEq, Eq, Debug, thiserror::Error)]
 pub enum Refusal {
     /// The ground station drives another run than the one that is to be started.
-    #[error("run {under_way} is under way: hold it, or let it end before run {asked} begins")]
+    #[error("run {under_way} is under way: let it end before run {asked} begins")]
     UnderWay {
         /// The run that is driven.
         under_way: RunId,

@@ -1,4 +1,5 @@
-//! Facts about the measurement patterns; points are (north, east). The tracks are those of the first vehicle.
+//! Facts about the measurement patterns; points are (north, east). The tracks are those of the first vehicle, unless a
+//! fact names the other one.
 
 use serde_json::{Value, json};
 use tomoswarm::geom::Point;
@@ -11,8 +12,19 @@ fn pattern(fact: &Fact, kind: PatternKind) -> Result<Pattern, String> {
     Pattern::new(kind, size).map_err(|error| error.to_string())
 }
 
-fn track(pattern: Pattern) -> Vec<Value> {
-    pattern.steps().map(|[first, _]| json!([first.north, first.east])).collect()
+/// Returns the track of the vehicle that a fact is about.
+fn track(fact: &Fact, pattern: Pattern) -> Result<Vec<Value>, String> {
+    let index = match fact.has("vehicle").then(|| fact.whole("vehicle")).transpose()? {
+        None | Some(1) => 0,
+        Some(2) => 1,
+        Some(number) => return Err(format!("vehicle {number} of two")),
+    };
+    Ok(pattern.steps().map(|both| json!([both[index].north, both[index].east])).collect())
+}
+
+/// Returns a part of a track in the form in which a fact expects it: as places, or as a stay.
+fn as_expected(expected: &Value, part: &[Value]) -> Value {
+    if expected.is_string() { waits(part) } else { json!(part) }
 }
 
 /// Gives how often the first point of a track stands there, as a fact writes it.
@@ -22,23 +34,29 @@ fn waits(track: &[Value]) -> Value {
     Value::from(format!("{count} x ({},{})", first[0], first[1]))
 }
 
-/// Checks a fact about the calibration.
+/// Checks a fact about the calibration. A round is as long as the one that is given place by place.
 pub fn check_calibrate(fact: &Fact) -> Checked {
     let pattern = pattern(fact, PatternKind::Calibrate)?;
-    let track = track(pattern);
-    let round = fact.output("first_round")?.as_array().map_or(0, Vec::len);
-    let parts: Vec<&[Value]> = track.chunks(round.max(1)).collect();
-    let [first, second, third, ..] = parts[..] else { return Err("there are too few rounds".to_owned()) };
-    fact.expect("first_round", json!(first))?;
-    fact.expect("second_round", waits(second))?;
-    fact.expect("third_round", json!(third))?;
-    fact.expect("rounds", json!(parts.len()))?;
-    fact.expect("total", json!(pattern.step_count()))
+    let track = track(fact, pattern)?;
+    let rounds = ["first_round", "second_round", "third_round"];
+    let given = |name: &&str| fact.output(name).ok().filter(|round| round.is_array() || round.is_string());
+    let length = rounds.iter().filter_map(given).filter_map(|round| round.as_array().map(Vec::len)).max();
+    let parts: Vec<&[Value]> = track.chunks(length.unwrap_or(1)).collect();
+    for (name, part) in rounds.iter().zip(&parts) {
+        if let Some(expected) = given(name) {
+            fact.expect(name, as_expected(expected, part))?;
+        }
+    }
+    if fact.output("rounds").is_ok() {
+        fact.expect("rounds", json!(parts.len()))?;
+        fact.expect("total", json!(pattern.step_count()))?;
+    }
+    Ok(())
 }
 
 /// Checks a fact about the fan.
 pub fn check_fan(fact: &Fact) -> Checked {
-    let track = track(pattern(fact, PatternKind::Fan)?);
+    let track = track(fact, pattern(fact, PatternKind::Fan)?)?;
     let round = fact.output("first_round")?.as_array().map_or(0, Vec::len);
     let (first, rest) = track.split_at(round.min(track.len()));
     fact.expect("first_round", json!(first))?;
@@ -50,7 +68,7 @@ pub fn check_fan(fact: &Fact) -> Checked {
 
 /// Checks a fact about the fan along opposite sides.
 pub fn check_fan_straight(fact: &Fact) -> Checked {
-    fact.expect("waypoints", json!(track(pattern(fact, PatternKind::FanStraight)?)))
+    fact.expect("waypoints", json!(track(fact, pattern(fact, PatternKind::FanStraight)?)?))
 }
 
 /// Checks a fact about the square.

@@ -79,7 +79,7 @@ fn intrude(stranger: &Stranger, talks: &Member) -> usize {
     let about = frame(&progress(1, 666));
     let until = std::time::Instant::now() + QUIET;
     while std::time::Instant::now() < until {
-        stranger.say(&format!("{PREFIX}/vehicle/1/progress"), &about);
+        stranger.say(&format!("{PREFIX}/vehicle/1/mission"), &about);
         talks.mouth.publish(&Message::Report(Default::default()));
         std::thread::sleep(Duration::from_millis(50));
     }
@@ -98,7 +98,7 @@ fn enrolled_nodes_of_a_mesh_talk_and_write_only_their_own_keys() {
     let two = Stranger::peer(Shows::Folder(&swarm.of("vehicle-2")), None, &[swarm.ground]);
     let own = frame(&progress(2, 2));
     assert!(within(SOON, || {
-        two.say(&format!("{PREFIX}/vehicle/2/progress"), &own);
+        two.say(&format!("{PREFIX}/vehicle/2/mission"), &own);
         !ground.heard_of(vehicle(2)).is_empty()
     }));
     let (before, refused) = (ground.heard_of(vehicle(1)).len(), ground.mouth.traffic().refused);
@@ -119,10 +119,10 @@ fn enrolled_clients_of_a_star_talk_through_the_ground_and_write_only_their_own_k
     let two = Stranger::client(Shows::Folder(&swarm.of("vehicle-2")), swarm.ground).unwrap();
     let own = frame(&progress(2, 2));
     assert!(within(SOON, || {
-        two.say(&format!("{PREFIX}/vehicle/2/progress"), &own);
+        two.say(&format!("{PREFIX}/vehicle/2/mission"), &own);
         !ground.heard_of(vehicle(2)).is_empty() && !one.heard_of(vehicle(2)).is_empty()
     }));
-    let key = format!("{PREFIX}/vehicle/1/progress");
+    let key = format!("{PREFIX}/vehicle/1/mission");
     assert!(within(SOON, || {
         one.mouth.publish(&progress(1, 1));
         two.heard().contains_key(&key)

@@ -5,7 +5,7 @@ use std::process::Command;
 use std::time::Duration;
 
 use rustix::process::geteuid;
-use tomoswarm_proto::RunId;
+use tomoswarm_proto::{RunId, StationPhase};
 
 use crate::swarm::{GROUND, PROGRAM, Size, Swarm, free_address, vehicle};
 
@@ -58,6 +58,8 @@ fn a_ground_with_an_empty_disk_gets_all_samples_again() {
     });
     let run = swarm.look(|watch| watch.report().run);
     swarm.note(&format!("it knows of run {run}"));
+    // The vehicles still show the Start of run 1, so the new ground drives it again; another is refused until then.
+    swarm.until("nothing is under way", 120, |watch| watch.report().phase == StationPhase::Idle);
     swarm.order(&["start", "--run", "2"]);
     swarm.until("a new run has ended", 120, |watch| {
         let report = watch.report();

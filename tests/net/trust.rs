@@ -256,7 +256,9 @@ fn a_node_is_enrolled_once_replaced_and_revoked() {
     good(root, "swarm --venue VENUE vehicle 3");
     bad(root, "swarm --venue VENUE vehicle 3", "vehicle-3.1 is enrolled already; give --replace");
     let (swarm, own) = (root.join("swarm"), root.join("swarm/vehicle-3"));
-    let edited = fs::read_to_string(own.join("vehicle.toml")).unwrap() + "egress_kb_per_s = 100\n";
+    let written = fs::read_to_string(own.join("vehicle.toml")).unwrap();
+    let edited = written.replace("egress_kb_per_s = 64.0", "egress_kb_per_s = 100.0");
+    assert_ne!(edited, written);
     fs::write(own.join("vehicle.toml"), &edited).unwrap();
     good(root, "swarm --venue VENUE vehicle 3 --replace");
     assert_eq!(fs::read_to_string(own.join("vehicle.toml")).unwrap(), edited);

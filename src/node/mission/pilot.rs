@@ -265,7 +265,7 @@ impl Pilot {
 
     /// Begins the way home.
     pub fn go_home(&mut self, now: Time, state: &OwnState, unknown: Unknown) {
-        let pose = Pose::from(state.pose);
+        let pose = state.pose;
         self.give_up(pose.at);
         self.way.append([], self.settings.home, None);
         (self.unknown, self.looked, self.looks) = (unknown, false, 0);
@@ -274,7 +274,7 @@ impl Pilot {
 
     /// Tells how the way home looks.
     pub fn way_home(&self, now: Time, state: &OwnState) -> WayHome {
-        let (pose, home) = (Pose::from(state.pose), self.settings.home);
+        let (pose, home) = (state.pose, self.settings.home);
         let is_open = |peers| {
             self.path(now, pose, home, false, peers).is_some()
                 || self.driven_path(now, pose, home, peers).is_some()
@@ -312,7 +312,7 @@ impl Pilot {
 
     /// Goes on with what the vehicle says of itself; gives a command, if one is due.
     pub fn advance(&mut self, now: Time, state: &OwnState, met: &mut Vec<Met>) -> Option<Command> {
-        let pose = Pose::from(state.pose);
+        let pose = state.pose;
         let resting = !matches!(state.mode, Mode::Driving | Mode::Turning);
         self.remember(pose.at);
         if !resting {

@@ -94,3 +94,80 @@ fn end_on_wire(end: &End) -> MissionEnd {
         End::NoRoom | End::TooLarge => MissionEnd::GaveUp(1),
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use tomoswarm_proto::OrderKind;
+
+    use super::super::tests::{at, order, planned, told};
+    use super::*;
+    use crate::actor::Actor;
+    use crate::geom::Point;
+    use crate::node::mission::In;
+    use crate::node::tests_support::{own_state, settings};
+
+    fn shows(mission: &Mission) -> (MissionPhase, Option<Permille>, u16, Option<Position>, bool) {
+        let said = mission.on_wire();
+        (said.phase, said.share, said.places_left, said.goal, said.is_at_home)
+    }
+
+    #[test]
+    fn a_vehicle_with_a_plan_says_how_far_it_is_and_where_it_goes() {
+        let mut mission = planned(None);
+        let none = Some(Permille(0));
+        let end = Some(Position { x_mm: 2000, y_mm: 2000, z_mm: 0 });
+        assert_eq!(shows(&mission), (MissionPhase::Waiting, none, 2, None, true));
+        told(&mut mission, 2.0, order(OrderKind::Start));
+        assert_eq!(shows(&mission), (MissionPhase::Going, none, 2, end, true));
+        told(&mut mission, 5.0, In::State(own_state(2.0, 0.0)));
+        assert_eq!(shows(&mission), (MissionPhase::Going, Some(Permille(500)), 1, end, false));
+        let said = mission.on_wire();
+        assert_eq!((said.kind, said.end, said.slice), (MissionKind::Sweep, None, 0));
+        told(&mut mission, 6.0, In::State(own_state(2.0, 2.0)));
+        let said = mission.on_wire();
+        assert_eq!((said.phase, said.end), (MissionPhase::Over, Some(MissionEnd::Done)));
+        assert_eq!((said.share, said.places_left, said.goal), (Some(Permille::WHOLE), 0, None));
+    }
+
+    #[test]
+    fn a_vehicle_that_holds_says_so_and_why() {
+        let mut mission = planned(None);
+        assert_eq!(mission.holds_for(), None);
+        told(&mut mission, 2.0, order(OrderKind::Hold));
+        assert_eq!(
+            (mission.holds_for(), mission.on_wire().phase),
+            (Some(StandReason::Held), MissionPhase::Held)
+        );
+        told(&mut mission, 3.0, order(OrderKind::Start));
+        let empty = crate::node::OwnState { battery: 0.01, ..own_state(1.0, 0.0) };
+        told(&mut mission, 4.0, In::State(empty));
+        assert_eq!(mission.holds_for(), Some(StandReason::Battery));
+    }
+
+    #[test]
+    fn a_mission_of_its_own_has_places_left_and_no_share() {
+        let places = vec![Point::new(2.0, 0.0), Point::new(2.0, 2.0)];
+        let task = Task::Pathfind(places);
+        let mut mission = Mission::new(crate::node::Settings { task, ..settings(1) });
+        told(&mut mission, 1.0, In::State(own_state(0.0, 0.0)));
+        told(&mut mission, 1.1, order(OrderKind::Start));
+        mission.wake(at(1.2), &mut Vec::new()).unwrap();
+        let said = mission.on_wire();
+        assert_eq!((said.kind, said.phase), (MissionKind::Pathfind, MissionPhase::Looking));
+        assert_eq!((said.share, said.places_left, said.end), (None, 2, None));
+    }
+
+    #[test]
+    fn every_end_can_be_said() {
+        let place = Point::new(1.0, 1.0);
+        for (end, on_wire) in [
+            (End::Done, MissionEnd::Done),
+            (End::Stopped(place), MissionEnd::Stopped),
+            (End::NoWay(3), MissionEnd::NoWay(3)),
+            (End::GaveUp(70_000), MissionEnd::GaveUp(u16::MAX)),
+            (End::NoRoom, MissionEnd::GaveUp(1)),
+        ] {
+            assert_eq!(end_on_wire(&end), on_wire);
+        }
+    }
+}

@@ -1,5 +1,5 @@
-//! What the vehicle says of itself: its state with every telemetry, published less often, and which of its states an order
-//! answers. It decides nothing.
+//! What the vehicle says of itself: its state with every telemetry to its other actors, unrounded; less often the state that
+//! travels, which is made of it here and nowhere else; and which of its states an order answers. It decides nothing.
 
 use std::time::Duration;
 

@@ -1,7 +1,7 @@
 //! What the vehicle actor refuses, obeys and reports.
 
 use super::super::tests_support::{settings, state};
-use tomoswarm_proto::{Boot, Lease, LegReport, Mode, OrderKind, SeenState};
+use tomoswarm_proto::{Boot, Deviation, Lease, LegReport, Mode, OrderKind, Permille, SeenState, Tilt};
 
 use super::*;
 use crate::geom::Angle;
@@ -459,4 +459,64 @@ fn a_pause_keeps_the_vehicle_where_it_is_and_a_start_lets_it_go_on() {
     let resume = order(OrderKind::Start, LEASE, 2, vehicle.reports.sequence());
     told(&mut vehicle, 60.0, In::Order(resume));
     assert!(flies(&told(&mut vehicle, 60.1, drive(&[(0.5, 0.0), (9.0, 0.0)]))));
+}
+
+/// Returns the state that is published, and the one that the other actors are told.
+fn states(out: &[Out]) -> (Option<State>, Option<crate::node::OwnState>) {
+    let published =
+        out.iter().find_map(|out| if let Out::Publish(state) = out { Some(state.clone()) } else { None });
+    let told =
+        out.iter().find_map(|out| if let Out::State(state) = out { Some(state.clone()) } else { None });
+    (published, told)
+}
+
+#[test]
+fn what_travels_is_rounded_and_what_the_other_actors_are_told_is_not() {
+    let mut vehicle = vehicle();
+    let pose = Pose { at: Point::new(1.234_56, -0.000_4), heading: Angle::from_degrees(90.0), sd_m: 0.0512 };
+    let told_of =
+        Telemetry { pose, speed_mps: 0.456_7, battery: 0.876_54, motion: Motion::Driving, is_armed: true };
+    let (Some(state), Some(own)) = states(&told(&mut vehicle, 2.0, In::Telemetry(told_of))) else {
+        panic!("it says both")
+    };
+    assert_eq!((own.pose, own.speed_mps, own.battery), (pose, 0.456_7, 0.876_54));
+    let report = state.pose.unwrap();
+    assert_eq!((report.at.x_mm, report.at.y_mm, report.sd.0), (1235, 0, 51));
+    assert_eq!((report.heading.0, state.velocity.x_mmps, state.velocity.y_mmps), (15_708, 0, 457));
+    assert_eq!(state.battery, Some(Permille(877)));
+    assert_eq!((state.roll, state.pitch), (Tilt::UNKNOWN, Tilt::UNKNOWN), "telemetry tells neither");
+    assert!(state.is_armed && state.is_landed && !state.is_at_rest);
+}
+
+#[test]
+fn a_state_says_why_the_vehicle_does_not_go_on() {
+    let stands_under = |input: In| {
+        let mut vehicle = vehicle();
+        told(&mut vehicle, 1.5, input);
+        let (published, _) = states(&told(&mut vehicle, 3.0, telemetry(0.0, 0.0, 0.05)));
+        published.unwrap().stands_under
+    };
+    assert_eq!(stands_under(scan(3.0, 0.0)), None);
+    for kind in [OrderKind::Hold, OrderKind::Land, OrderKind::Emergency] {
+        assert_eq!(stands_under(In::Order(order(kind, LEASE, 1, 1))), Some(StandReason::Held), "{kind:?}");
+    }
+    for reason in [StandReason::Alone, StandReason::Battery] {
+        assert_eq!(stands_under(In::Holds(Some(reason))), Some(reason));
+    }
+    let mut vehicle = vehicle();
+    let (published, _) = states(&told(&mut vehicle, 3.0, telemetry(0.0, 0.0, f64::INFINITY)));
+    let state = published.unwrap();
+    assert_eq!(state.stands_under, Some(StandReason::NoPlace));
+    assert_eq!(state.pose.unwrap().sd, Deviation::UNKNOWN);
+}
+
+#[test]
+fn an_order_that_answers_a_state_of_another_start_moves_nobody() {
+    for (boot, moves) in [(1, true), (2, false)] {
+        let mut vehicle = vehicle();
+        let seen = Some(SeenState { boot: Boot(boot), sequence: 1 });
+        let start = Order { seen, ..order(OrderKind::Start, LEASE, 1, 1) };
+        let out = told(&mut vehicle, 1.1, In::Order(start));
+        assert_eq!(out.iter().any(|out| matches!(out, Out::Order(_))), moves, "boot {boot}");
+    }
 }

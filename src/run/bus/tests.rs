@@ -121,3 +121,26 @@ fn a_port_in_use_is_refused_in_words() {
     let error = again.err().unwrap().to_string();
     assert!(error.contains(&here), "{error}");
 }
+
+#[test]
+fn a_message_of_an_unknown_kind_is_counted_and_its_sender_is_heard_as_before() {
+    let (here, there) = (free_endpoint(), free_endpoint());
+    let (ground, by_ground) =
+        open(settings(Sender::Ground, Topology::Mesh, std::slice::from_ref(&here), &[]));
+    let (two, _) = open(settings(TWO, Topology::Mesh, &[there], &[here]));
+    until_heard(&two.mouth(), &progress(2, 1), &by_ground).unwrap();
+    let mut unknown = OutboundFrame::of(&progress(2, 2)).unwrap();
+    unknown.frame[3] = u8::MAX;
+    let is_counted = (0..100).any(|_| {
+        two.shared.send(unknown.clone());
+        std::thread::sleep(Duration::from_millis(20));
+        ground.mouth().traffic().unknown > 0
+    });
+    assert!(is_counted);
+    assert_eq!(ground.mouth().traffic().refused, 0);
+    assert!(by_ground.try_iter().all(|heard| heard == Heard::Message(TWO, progress(2, 1))));
+    assert_eq!(
+        until_heard(&two.mouth(), &progress(2, 3), &by_ground),
+        Some(Heard::Message(TWO, progress(2, 3)))
+    );
+}

@@ -194,7 +194,7 @@ fn parse(text: &str) -> Result<Roster, RosterError> {
                 let entry = entry.filter(|entry| roster.of(entry.name.node).is_none());
                 entry.map(|entry| roster.allowed.push(entry))
             }
-            ["revoked", name] => name.parse().ok().map(|name| roster.revoked.push(name)),
+            ["revoked", name] => name_of(name).map(|name| roster.revoked.push(name)),
             _ => None,
         };
         understood.ok_or(wrong(number, "allow NAME SERIAL FINGERPRINT, one of a node, or revoked NAME"))?;
@@ -205,5 +205,30 @@ fn parse(text: &str) -> Result<Roster, RosterError> {
 fn entry_of(name: &str, serial: &str, fingerprint: &str) -> Option<Entry> {
     from_hex(serial).filter(|bytes| !bytes.is_empty())?;
     let fingerprint = Fingerprint::from_hex(fingerprint)?;
-    Some(Entry { name: name.parse().ok()?, serial: serial.to_owned(), fingerprint })
+    Some(Entry { name: name_of(name)?, serial: serial.to_owned(), fingerprint })
+}
+
+/// Reads a name. An operator that was enrolled before operators had numbers is operator 1: the swarm is read, and the
+/// operator needs a new certificate, since the old one bears another name.
+fn name_of(text: &str) -> Option<CommonName> {
+    match text.strip_prefix("operator.") {
+        Some(issue) => format!("operator-1.{issue}").parse().ok(),
+        None => text.parse().ok(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::run::membership::OPERATOR;
+
+    #[test]
+    fn an_operator_enrolled_before_operators_had_numbers_is_the_first() {
+        let fingerprint = "ab".repeat(32);
+        let text = format!("{TITLE}\nissue 4\nallow operator.2 0102 {fingerprint}\nrevoked operator.1\n");
+        let roster = parse(&text).unwrap();
+        assert_eq!(roster.of(OPERATOR).unwrap().name.to_string(), "operator-1.2");
+        assert_eq!(roster.revoked[0].to_string(), "operator-1.1");
+        assert_eq!(roster.next_name(OPERATOR, true).unwrap().to_string(), "operator-1.3");
+    }
 }

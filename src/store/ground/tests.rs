@@ -126,10 +126,26 @@ fn plans_runs_clocks_memory_and_pictures_come_back() {
     assert_eq!((images.len(), images[0].laps, images[0].kind.as_str()), (1, 2, "change"));
     assert_eq!(images[0].image, picture(2).result.unwrap().image);
     assert_eq!(images[0].peaks, picture(2).result.unwrap().peaks);
-    // A memory of another version is not taken for one of this.
-    store.connection.execute("UPDATE memory SET version = '0.0.0'", []).unwrap();
+    // A memory of another version is not taken for one of this; nor one of this version under the wire before.
+    for version in ["0.0.0", "0.1.0"] {
+        store.connection.execute("UPDATE memory SET version = ?", [version]).unwrap();
+        let restored = store.resume().unwrap();
+        assert_eq!((restored.memory, restored.foreign_memory.as_deref()), (None, Some(version)));
+    }
+}
+
+#[test]
+fn samples_that_were_stored_with_more_digits_are_read_rounded() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut store = GroundStore::open(&path_in(&folder), &START).unwrap();
+    store.take(&[batch(1, 1, 0..1)]).unwrap();
+    let finer = "UPDATE samples SET rx_x_m = 0.1234567, rx_heading_rad = -3.0000123, rx_sd_m = 0.0512345, tx_sd_m = NULL";
+    store.connection.execute(finer, []).unwrap();
     let restored = store.resume().unwrap();
-    assert_eq!((restored.memory, restored.foreign_memory.as_deref()), (None, Some("0.0.0")));
+    let sample = restored.samples[0].samples[0];
+    assert_eq!((sample.receiver_pose.at.x_mm, sample.receiver_pose.sd.0), (123, 51));
+    assert_eq!(sample.receiver_pose.heading.0, 32_832);
+    assert_eq!(sample.transmitter_pose.sd, tomoswarm_proto::Deviation::UNKNOWN);
 }
 
 fn picture(laps: usize) -> Picture {

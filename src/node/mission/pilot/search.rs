@@ -89,7 +89,7 @@ impl Pilot {
 
     /// Tells whether a place could be reached, as far as is known; unknown cells count as free.
     pub fn can_reach(&self, now: Time, state: &OwnState, place: Point) -> bool {
-        self.path(now, Pose::from(state.pose), place, true, &self.peers).is_some()
+        self.path(now, state.pose, place, true, &self.peers).is_some()
     }
 
     pub(super) fn path(
