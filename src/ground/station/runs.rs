@@ -10,7 +10,7 @@
 use std::collections::BTreeMap;
 
 use serde::{Deserialize, Serialize};
-use tomoswarm_proto::{MissionKind, RunEnd, RunId, RunReport, Task, TaskKind};
+use tomoswarm_proto::{MissionKind, RunEnd, RunId, RunReport, Task};
 
 use super::super::planner::SweepTask;
 
@@ -43,7 +43,7 @@ impl Runs {
     pub fn take(&mut self, task: &Task) {
         let run = self.0.entry(task.run).or_default();
         if run.end.is_none() {
-            (run.kind, run.compared_with) = (kind_of(&task.kind), task.compare_with);
+            (run.kind, run.compared_with) = (MissionKind::from(&task.kind), task.compare_with);
             (run.sweep, run.is_task) = (SweepTask::of(&task.kind), true);
         }
         self.forget();
@@ -130,22 +130,10 @@ impl Runs {
     }
 }
 
-fn kind_of(task: &TaskKind) -> MissionKind {
-    match task {
-        TaskKind::Sweep { .. } => MissionKind::Sweep,
-        TaskKind::Legs { .. } => MissionKind::Legs,
-        TaskKind::Forward { .. } => MissionKind::Forward,
-        TaskKind::Browse => MissionKind::Browse,
-        TaskKind::Search => MissionKind::Search,
-        TaskKind::Pathfind { .. } => MissionKind::Pathfind,
-        TaskKind::Explore => MissionKind::Explore,
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-    use tomoswarm_proto::{Lease, VehicleId};
+    use tomoswarm_proto::{Lease, TaskKind, VehicleId};
 
     fn task(run: u32, kind: TaskKind) -> Task {
         let (lease, members) = (Lease::default(), vec![VehicleId(1)]);
