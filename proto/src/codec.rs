@@ -8,8 +8,8 @@
 //! [`Decoded::Unknown`], to be counted and dropped.
 
 use bincode::config::{Configuration, Limit, LittleEndian, Varint};
-use serde::Serialize;
 use serde::de::DeserializeOwned;
+use serde::{Deserialize, Serialize};
 
 use crate::{Boot, Hello, Kind, Message, OperatorId, Sender, VehicleId};
 
@@ -42,7 +42,7 @@ pub enum Decoded {
 }
 
 /// What a Hello says in every version of the wire.
-#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize)]
 pub struct Greeting {
     /// Its version of the wire.
     pub version: u8,

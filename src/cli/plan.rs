@@ -64,7 +64,7 @@ impl PlanArgs {
 pub(super) fn planned(scenario: &Scenario) -> Result<Sweep, SweepError> {
     let sim = scenario.sim();
     let places = sim.vehicle_ids().filter_map(|id| Some((id, sim.home(id)?))).collect();
-    let request = Request { run: RunId(1), revision: Revision(1), places, first_lap: 0 };
+    let request = Request { run: RunId(1), revision: Revision(1), places, first_lap: 0, task: None };
     plan(scenario.ring(), scenario.method(), sim.venue.swarm.separation_m, &request)
 }
 

@@ -6,6 +6,7 @@
 
 use std::collections::BTreeMap;
 
+use serde::{Deserialize, Serialize};
 use tomoswarm_proto::codec::{self, DecodeError, Decoded, Greeting, LIMIT};
 use tomoswarm_proto::{Hello, Message, Sender};
 
@@ -18,7 +19,7 @@ const SHARE: f64 = 4.0;
 const SAVED_S: f64 = 4.0;
 
 /// What came over the bus.
-#[derive(Clone, PartialEq, Debug)]
+#[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
 pub enum Heard {
     /// A message that its sender may say.
     Message(Sender, Message),
@@ -27,6 +28,15 @@ pub enum Heard {
     /// A message of a kind, by its number, that this version does not know: counted and dropped, and no mistake of its
     /// sender, who may be newer.
     Unknown(u8),
+}
+
+impl Heard {
+    /// Returns a message as it is heard where greetings of other versions do not come.
+    pub fn of(sender: Sender, message: Message) -> Heard {
+        let Message::Hello(hello) = message else { return Heard::Message(sender, message) };
+        let Hello { node, boot, venue_hash, .. } = hello;
+        Heard::Greeting(Greeting { version: codec::VERSION, node, boot, venue_hash }, Some(hello))
+    }
 }
 
 /// Why a frame is not heard.

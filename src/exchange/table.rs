@@ -5,7 +5,7 @@
 //! It says nothing about what is in a message. Kinds, what messages are about and their keys are the wire's own
 //! ([`tomoswarm_proto::Topic`]).
 
-use tomoswarm_proto::{About, Kind, Message, Sender};
+use tomoswarm_proto::{About, Interest, Kind, Message, Sender};
 
 /// How much a message presses; the lower goes first.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Debug)]
@@ -222,6 +222,17 @@ impl Class {
     /// Returns the class of a message.
     pub fn of(message: &Message) -> Class {
         row(message.kind()).class
+    }
+}
+
+/// Returns what an operator must be interested in to be told messages of a kind; `None` = it is told in any case.
+pub fn interest(kind: Kind) -> Option<Interest> {
+    match kind {
+        Kind::State | Kind::Mission | Kind::Health | Kind::Plan => Some(Interest::Fleet),
+        Kind::Tile | Kind::Digest | Kind::Want => Some(Interest::Map),
+        Kind::Samples | Kind::Have => Some(Interest::Samples),
+        Kind::Image => Some(Interest::Images),
+        Kind::Hello | Kind::Order | Kind::Beacon | Kind::Report | Kind::Standing | Kind::Task => None,
     }
 }
 

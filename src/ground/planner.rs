@@ -8,7 +8,7 @@
 use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
-use tomoswarm_proto::{Plan, Revision, RunId, StopId, VehicleId};
+use tomoswarm_proto::{Plan, Revision, RunId, StopId, SweepPlanner, TaskKind, VehicleId};
 
 use crate::actor::{Actor, Class, Fault, Input};
 use crate::geom::Point;
@@ -45,6 +45,36 @@ pub enum Method {
     },
 }
 
+/// A sweep as an operator wants it.
+#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
+pub struct SweepTask {
+    /// How it is swept.
+    pub method: Method,
+    /// Positions on the border of the area.
+    pub positions: usize,
+}
+
+impl SweepTask {
+    /// Returns how a task is to be swept; `None` when nothing is swept in it.
+    pub fn of(task: &TaskKind) -> Option<SweepTask> {
+        let TaskKind::Sweep { planner, positions, laps, dwell_ms, dwell_limit_ms } = task else {
+            return None;
+        };
+        let laps = laps.map(usize::from);
+        let (dwell, dwell_limit) =
+            (Duration::from_millis((*dwell_ms).into()), Duration::from_millis((*dwell_limit_ms).into()));
+        let pattern = |kind| Method::Pattern { kind, dwell, dwell_limit };
+        let method = match planner {
+            SweepPlanner::RotatingGap => Method::RotatingGap { laps },
+            SweepPlanner::Fan => Method::Fan { rounds: laps, dwell, dwell_limit },
+            SweepPlanner::Calibrate => pattern(PatternKind::Calibrate),
+            SweepPlanner::FanCorners => pattern(PatternKind::Fan),
+            SweepPlanner::FanStraight => pattern(PatternKind::FanStraight),
+        };
+        Some(SweepTask { method, positions: usize::from(*positions) })
+    }
+}
+
 /// A sweep to be planned.
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
 pub struct Request {
@@ -56,6 +86,8 @@ pub struct Request {
     pub places: Vec<(VehicleId, Point)>,
     /// Laps already done in this run.
     pub first_lap: usize,
+    /// How an operator wants it to be swept; `None` = as the ground station's file says.
+    pub task: Option<SweepTask>,
 }
 
 /// Plans, or why there are none.
@@ -86,14 +118,25 @@ impl Planner {
     pub fn new(ring: Ring, method: Method, separation_m: f64, takes: Duration) -> Planner {
         Planner { ring, method, separation_m, takes: takes.max(Duration::from_nanos(1)), ready: None }
     }
+
+    fn plan(&self, request: &Request) -> Result<Sweep, SweepError> {
+        match request.task {
+            None => plan(&self.ring, self.method, self.separation_m, request),
+            Some(SweepTask { method, positions }) => {
+                let ring = Ring::new(self.ring.area(), positions)?;
+                plan(&ring, method, self.separation_m, request)
+            }
+        }
+    }
 }
 
-/// Plans a sweep at once; what the actor does, and what `tomoswarm plan` shows.
+/// Plans a sweep at once by a method, whatever the request's task says; what the actor does, and what `tomoswarm plan`
+/// shows.
 ///
 /// # Errors
 /// Too few or too many vehicles, or an area in which the sweep cannot be driven.
 pub fn plan(ring: &Ring, method: Method, separation_m: f64, request: &Request) -> Result<Sweep, SweepError> {
-    let Request { run, revision, places, first_lap } = request.clone();
+    let Request { run, revision, places, first_lap, task: _ } = request.clone();
     let milliseconds = |span: Duration| u32::try_from(span.as_millis()).unwrap_or(u32::MAX);
     match method {
         Method::RotatingGap { laps } => {
@@ -148,7 +191,7 @@ impl Actor for Planner {
         if self.ready.as_ref().is_some_and(is_asked_again) {
             return Ok(());
         }
-        let planned = plan(&self.ring, self.method, self.separation_m, &request);
+        let planned = self.plan(&request);
         self.ready = Some((now + self.takes, answer(request.run, request.revision, planned)));
         Ok(())
     }

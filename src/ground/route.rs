@@ -7,7 +7,7 @@
 //!                       station ──Memory──► edge (store)
 //! ```
 
-use tomoswarm_proto::{Message, Sender};
+use tomoswarm_proto::{Message, RunId, Sender};
 
 use super::{imager, planner, station};
 
@@ -31,6 +31,15 @@ pub enum Effect {
     Picture(imager::Picture),
     /// What a station that is started anew needs; to be stored in place of what it remembered before.
     Remember(Box<station::Memory>),
+    /// The store shall open a run, or keep it open.
+    BeginRun {
+        /// Which run.
+        run: RunId,
+        /// The run that it is compared with.
+        compared_with: Option<RunId>,
+    },
+    /// The store shall close a run.
+    EndRun(RunId),
     /// Something worth a line in the log.
     Note(station::Note),
 }
@@ -70,6 +79,10 @@ pub(crate) fn route(output: Output, to: &mut Vec<Destination>) {
         Output::Station(station::Out::Publish(message)) => Destination::Edge(Effect::Publish(message)),
         Output::Station(station::Out::Ask(request)) => Destination::Planner(request),
         Output::Station(station::Out::Reconstruct(job)) => Destination::Imager(job),
+        Output::Station(station::Out::BeginRun { run, compared_with }) => {
+            Destination::Edge(Effect::BeginRun { run, compared_with })
+        }
+        Output::Station(station::Out::EndRun(run)) => Destination::Edge(Effect::EndRun(run)),
         Output::Station(station::Out::Note(note)) => Destination::Edge(Effect::Note(note)),
         Output::Planner(answer) => Destination::Station(station::In::Planned(answer)),
         Output::Station(station::Out::Remember(memory)) => Destination::Edge(Effect::Remember(memory)),

@@ -1,7 +1,7 @@
 //! The station actor: keeps the fleet table, the merged map and the samples, and brings one sweep after
 //! another from a wish to its links.
 //!
-//! It is told messages of the vehicles and of other grounds, wishes of the operator, plans, and pictures made; it says
+//! It is told messages of vehicles, operators and other grounds, wishes of the operator, plans, and pictures made; it says
 //! plans, orders, watermarks, reports and map repairs for the bus, requests for the planner, jobs for the imager, notes,
 //! and what must be remembered. It solves nothing and plans nothing itself.
 //!
@@ -18,11 +18,12 @@
 //!
 //! An order other than Start *stands* until the next Start, whoever gave it (the station sees in State what a vehicle
 //! was ordered): meanwhile whatever the phase, nothing is begun, planned or timed, and no Start is given. A Start seen
-//! in State that names a run higher than any before begins that run.
+//! in State that names a run higher than any before begins that run. An operator's Task says what the run is: with which
+//! one it is compared, how it is swept, or that no ground station plans it. It may come before the Start or after it.
 //!
-//! Only who holds the lease speaks (`leases`): a station that listens or stands by says its Report, and keeps what it
-//! hears. `phases` brings a sweep on, `lost` says what happens when vehicles come and go, `memory` how a station is
-//! started anew, `report` what it says of itself.
+//! Only who holds the lease, or plans under that of an operator, speaks (`leases`): a station that listens or stands by
+//! says its Report, and keeps what it hears. `phases` brings a sweep on, `lost` says what happens when vehicles come and
+//! go, `runs` what became of each run, `memory` how a station is started anew, `report` what it says of itself.
 //!
 //! Deadlines: `repeat` (state is published and repeated, nobody asks and waits), `ask for or send missing tiles`.
 
@@ -31,6 +32,7 @@ mod lost;
 mod memory;
 mod phases;
 mod report;
+mod runs;
 mod words;
 
 use std::collections::BTreeSet;
@@ -38,12 +40,14 @@ use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
 use tomoswarm_proto::{
-    Boot, Lease, Message, OrderKind, RunId, Samples, State, StopId, TileReport, VehicleId,
+    Boot, Hello, Lease, Message, OrderKind, RunEnd, RunId, Samples, Sender, State, StopId, Task, TileReport,
+    VehicleId,
 };
 
 use self::leases::{Change, Leases};
 use self::memory::Brief;
 pub use self::memory::{Memory, PictureName};
+use self::runs::Runs;
 pub use self::words::{In, Key, Note, Out, StationSettings, Wish};
 use super::fleet::Fleet;
 use super::samples::SampleStore;
@@ -70,6 +74,16 @@ enum Phase {
 
 impl Phase {
     fn sweep(&self) -> Option<&Sweep> {
+        match self {
+            Phase::Idle => None,
+            Phase::Planning(sweep)
+            | Phase::Running(sweep, _)
+            | Phase::Stopping(sweep)
+            | Phase::Closing { sweep, .. } => Some(sweep),
+        }
+    }
+
+    fn sweep_mut(&mut self) -> Option<&mut Sweep> {
         match self {
             Phase::Idle => None,
             Phase::Planning(sweep)
@@ -120,6 +134,7 @@ pub struct Station {
     closed: BTreeSet<RunId>,
     /// The sweep that was closed or given up last.
     last: Option<Sweep>,
+    runs: Runs,
     planned_at: Time,
     /// When a vehicle was last heard to have got on with its plan.
     got_on_at: Time,
@@ -165,6 +180,7 @@ impl Station {
             standing: None,
             closed: BTreeSet::new(),
             last: None,
+            runs: Runs::default(),
             planned_at: Time::ZERO,
             got_on_at: Time::ZERO,
             stalled: false,
@@ -189,6 +205,7 @@ impl Station {
             if is_closed {
                 self.closed.insert(run);
             }
+            self.runs.recall(run, if is_closed { RunEnd::Done } else { RunEnd::Stopped });
         }
     }
 
@@ -219,23 +236,36 @@ impl Station {
                 self.mend(now, out);
             }
             Message::Report(report) => {
-                let change = self.leases.heard_report(now, report.lease);
+                let change = match report.store < self.samples.store() {
+                    true => self.leases.heard_elder(now, report.lease),
+                    false => self.leases.heard_report(now, report.lease),
+                };
                 self.lease_changed(now, change, out);
             }
             Message::Plan(plan) => {
                 let change = self.leases.heard(now, plan.lease);
                 self.lease_changed(now, change, out);
             }
+            Message::Hello(hello) => {
+                let change = self.hear_operator(now, &hello);
+                self.lease_changed(now, change, out);
+            }
+            Message::Task(task) => self.take_task(&task),
             // What an operator orders shows in State; the rest is said by grounds, or the bus's and the radio's
-            // business. Nothing is done yet about open stops and tasks.
+            // business. Nothing is done yet about open stops.
             Message::Order(_)
             | Message::Have(_)
-            | Message::Hello(_)
             | Message::Health(_)
             | Message::Beacon(_)
             | Message::Standing(_)
-            | Message::Task(_)
             | Message::Image(_) => {}
+        }
+    }
+
+    fn hear_operator(&mut self, now: Time, hello: &Hello) -> Option<Change> {
+        match hello.node {
+            Sender::Operator(_) => self.leases.heard_operator(now, hello.lease?),
+            Sender::Ground | Sender::Vehicle(_) => None,
         }
     }
 
@@ -247,7 +277,7 @@ impl Station {
         let shown = self.fleet.heard_state(now, state);
         self.shown(vehicle, shown, out);
         if let Some(run) = shown.started.filter(|run| *run > self.newest_run) {
-            self.want(now, run, self.compare_with.filter(|empty| *empty != run));
+            self.started(now, run);
         }
         let change = self.leases.heard(now, lease);
         self.lease_changed(now, change, out);
@@ -325,7 +355,50 @@ impl Station {
 
     fn want(&mut self, now: Time, run: RunId, empty: Option<RunId>) {
         (self.wished, self.wished_at) = (Some((run, empty)), now);
+        self.open(run, empty);
+    }
+
+    /// An operator has started a run that is higher than any before.
+    fn started(&mut self, now: Time, run: RunId) {
+        let by_file = self.compare_with.filter(|empty| *empty != run);
+        let empty = self.runs.task_compares_with(run).unwrap_or(by_file);
+        match self.runs.is_swept(run) {
+            true => self.want(now, run, empty),
+            // The vehicles know by themselves what to do.
+            false => self.open(run, empty),
+        }
+    }
+
+    fn open(&mut self, run: RunId, empty: Option<RunId>) {
+        let Station { runs, closed, .. } = self;
+        runs.open(run, empty, |earlier| closed.contains(&earlier));
         self.newest_run = self.newest_run.max(run);
+    }
+
+    /// An operator says what a run is, before it is started or after. One that it has no right to any more is passed over.
+    fn take_task(&mut self, task: &Task) {
+        if task.lease < self.leases.highest() || task.run < self.newest_run {
+            return;
+        }
+        self.runs.take(task);
+        let (run, empty) = (task.run, task.compare_with);
+        if let Some(wished) = self.wished.as_mut().filter(|wished| wished.0 == run) {
+            wished.1 = empty;
+        }
+        if let Some(sweep) = self.phase.sweep_mut().filter(|sweep| sweep.run == run) {
+            sweep.empty = empty;
+        }
+        if !self.runs.is_swept(run) {
+            self.leave_to_vehicles(run);
+        }
+    }
+
+    /// A run that was begun as a sweep is none: its task came after its start.
+    fn leave_to_vehicles(&mut self, run: RunId) {
+        self.wished = self.wished.filter(|wished| wished.0 != run);
+        if let Some(sweep) = self.phase.sweep().copied().filter(|sweep| sweep.run == run) {
+            (self.last, self.phase) = (Some(sweep), Phase::Idle);
+        }
     }
 
     /// What was ordered by anyone stands, and is lifted when every vehicle has been started since.
@@ -366,6 +439,11 @@ impl Station {
         match change {
             None => {}
             Some(Change::StoodDown(lease)) => out.push(Out::Note(Note::StandsBy(lease))),
+            Some(Change::Renewed(lease)) => {
+                out.push(Out::Note(Note::Leads(lease)));
+                self.fleet.set_lease(lease);
+                self.publish_plans(now, out);
+            }
             Some(Change::Taken(lease)) => {
                 out.push(Out::Note(Note::Leads(lease)));
                 self.fleet.set_lease(lease);
@@ -408,7 +486,7 @@ impl Station {
         let is_said = |said: &Out| match said {
             Out::Publish(message) => matches!(message, Message::Report(_)),
             Out::Ask(_) | Out::Reconstruct(_) => false,
-            Out::Note(_) | Out::Remember(_) => true,
+            Out::Note(_) | Out::BeginRun { .. } | Out::EndRun(_) | Out::Remember(_) => true,
         };
         let own = out.split_off(first.min(out.len()));
         out.extend(own.into_iter().filter(is_said));

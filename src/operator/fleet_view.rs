@@ -5,6 +5,7 @@
 use std::collections::BTreeMap;
 use std::time::Duration;
 
+use serde::{Deserialize, Serialize};
 use tomoswarm_proto::codec::{Greeting, VERSION};
 use tomoswarm_proto::{Boot, Health, Hello, Lease, Message, Mission, Report, Sender, State, VehicleId};
 
@@ -18,7 +19,7 @@ pub const GROUND_LIVES: Duration = Duration::from_secs(5);
 const GROUNDS: usize = 8;
 
 /// Something that was said, and when it came.
-#[derive(Clone, PartialEq, Debug)]
+#[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
 pub struct Fresh<T> {
     /// When it came.
     pub at: Time,
@@ -34,7 +35,7 @@ impl<T> Fresh<T> {
 }
 
 /// What one vehicle has said of itself.
-#[derive(Clone, PartialEq, Debug, Default)]
+#[derive(Clone, PartialEq, Debug, Default, Serialize, Deserialize)]
 pub struct VehicleView {
     /// Newest state, by boot and sequence.
     pub state: Option<Fresh<State>>,
@@ -47,7 +48,7 @@ pub struct VehicleView {
 }
 
 /// Why two nodes do not listen to each other.
-#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize)]
 pub enum Misfit {
     /// It speaks this version of the wire.
     Version(u8),
@@ -56,7 +57,7 @@ pub enum Misfit {
 }
 
 /// The newest of everything.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub struct FleetView {
     vehicles: BTreeMap<VehicleId, VehicleView>,
     /// By store: two grounds never write the same one.

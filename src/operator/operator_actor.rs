@@ -1,7 +1,8 @@
 //! The operator actor: it hears the bus, keeps its view of the fleet, and brings about what is wanted.
 //!
 //! It is told what came over the bus, whether anyone can be reached, what is wanted by hand, a script to follow, and that a
-//! cue was done. It says orders, every 100 ms until State shows them, and its greeting; and how wants and the script ended.
+//! cue was done. It says orders, every 100 ms until State shows them, tasks, every 5 s until a Report shows them, and its
+//! greeting, every 2 s, or every second while it holds a lease; and how wants and the script ended.
 //! It draws nothing (its holder id is given), decides nothing for a vehicle, and hears no answers: what it waits for is
 //! State.
 //!
@@ -19,29 +20,33 @@
 //! A later want takes the place of an earlier one on the vehicles that both name. By whose right it orders, and when
 //! somebody else's order counts more, is said in [`super::ordering`].
 //!
-//! Deadlines: `greets`, `orders`, and those of the script.
+//! Deadlines: `greets`, `orders`, `tasks`, and those of the script.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::time::Duration;
 
-use tomoswarm_proto::{Hello, Message, VehicleId};
+use serde::{Deserialize, Serialize};
+use tomoswarm_proto::{Hello, Lease, Message, VehicleId};
 
 use super::Heard;
 use super::fleet_view::FleetView;
+use super::given_tasks::GivenTasks;
 use super::ordering::{Instruction, Ordering};
 use super::outcome::Outcome;
-use super::script::{LastWant, ScriptEnd, ScriptOut, ScriptRun, Sight, Step};
+use super::script::{LastWant, ScriptDue, ScriptEnd, ScriptOut, ScriptRun, Sight, Step};
 use super::want::{Want, WantId};
 use crate::actor::{Actor, Class, Fault, Input};
 use crate::time::{Deadline, Time};
 
 /// It greets this often.
 const GREETS_EVERY: Duration = Duration::from_secs(2);
+/// Who holds a lease greets this often: ground stations plan under it as long as they hear its holder.
+const HOLDER_GREETS_EVERY: Duration = Duration::from_secs(1);
 /// After so long on the bus everyone who is there was heard.
 const LISTEN: Duration = Duration::from_millis(1500);
 
 /// Who an operator is, and what it knows before it hears anything.
-#[derive(Clone, PartialEq, Eq, Debug)]
+#[derive(Clone, PartialEq, Eq, Debug, Serialize, Deserialize)]
 pub struct OperatorSettings {
     /// How it greets; in it who it is and which venue file it has.
     pub hello: Hello,
@@ -56,7 +61,7 @@ pub struct OperatorSettings {
 }
 
 /// What the operator can be told.
-#[derive(Clone, PartialEq, Debug)]
+#[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
 pub enum In {
     /// What came over the bus.
     Bus(Heard),
@@ -73,7 +78,7 @@ pub enum In {
 }
 
 /// What the operator can say.
-#[derive(Clone, PartialEq, Debug)]
+#[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
 pub enum Out {
     /// To everyone on the bus.
     Publish(Message),
@@ -88,26 +93,37 @@ pub enum Out {
 }
 
 /// The operator actor.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Operator {
     settings: OperatorSettings,
     view: FleetView,
     /// Since when anyone can be reached.
     linked: Option<Time>,
-    greeted: Option<Time>,
+    /// When it greeted last, and the lease that it named.
+    greeted: Option<(Time, Option<Lease>)>,
     wants: BTreeMap<WantId, Pursuit>,
+    tasks: GivenTasks,
     script: Option<ScriptRun>,
     last_want: LastWant,
     script_wants: u32,
-    next: Option<Deadline>,
+    next: Option<(Time, Due)>,
 }
 
 /// A want that is brought about, or stands.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 struct Pursuit {
     want: Want,
     ordering: Ordering,
     is_in_force: bool,
+}
+
+/// What is due next.
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Debug, Serialize, Deserialize)]
+enum Due {
+    Orders,
+    Greets,
+    Tasks,
+    Script(ScriptDue),
 }
 
 /// What there is to say of a pursuit.
@@ -126,6 +142,7 @@ impl Operator {
             linked: None,
             greeted: None,
             wants: BTreeMap::new(),
+            tasks: GivenTasks::default(),
             script: None,
             last_want: LastWant::Open,
             script_wants: 0,
@@ -202,10 +219,22 @@ impl Operator {
 
     /// Does all that is due: greets, orders, goes on with the script; then knows when something is due next.
     fn turn(&mut self, now: Time, out: &mut Vec<Out>) {
+        let mut said = Vec::new();
+        self.pursue(now, &mut said);
+        self.follow_script(now, &mut said);
+        // A lease that is taken is named before the first order under it.
         self.greet(now, out);
-        self.pursue(now, out);
+        out.append(&mut said);
+        self.next = self.due_next(now);
+    }
+
+    fn follow_script(&mut self, now: Time, out: &mut Vec<Out>) {
         while let Some(said) = self.go_on(now) {
             match said {
+                ScriptOut::Task(wish) => {
+                    self.tasks.give(wish);
+                    self.give_tasks(now, out);
+                }
                 ScriptOut::Want(want) => {
                     let id = WantId::Script(self.script_wants);
                     (self.script_wants, self.last_want) = (self.script_wants + 1, LastWant::Open);
@@ -219,7 +248,24 @@ impl Operator {
                 }
             }
         }
-        self.next = self.due_next(now);
+    }
+
+    /// Says the tasks that are due, by the right that is in force.
+    fn give_tasks(&mut self, now: Time, out: &mut Vec<Out>) {
+        let in_force = self.view.lease(now);
+        let lease = match in_force.number {
+            0 => Lease { number: 1, holder: self.settings.holder },
+            _ => in_force,
+        };
+        let due = self.tasks.due(now, &self.view, lease);
+        out.extend(due.into_iter().map(|task| Out::Publish(Message::Task(task))));
+    }
+
+    /// Returns the greatest lease of all, if this operator holds it.
+    fn held_lease(&self, now: Time) -> Option<Lease> {
+        let taken = self.wants.values().filter_map(|pursuit| pursuit.ordering.lease()).max();
+        let greatest = taken.into_iter().chain([self.view.lease(now)]).max();
+        greatest.filter(|lease| lease.number > 0 && lease.holder == self.settings.holder)
     }
 
     fn go_on(&mut self, now: Time) -> Option<ScriptOut> {
@@ -229,15 +275,18 @@ impl Operator {
 
     fn greet(&mut self, now: Time, out: &mut Vec<Out>) {
         let Some(linked) = self.linked.filter(|_| self.settings.greets) else { return };
-        if self.greeted.is_some_and(|at| now.since(at) < GREETS_EVERY) {
+        let lease = self.held_lease(now);
+        if self.greeted.is_some_and(|(at, named)| named == lease && now.since(at) < greets_every(lease)) {
             return;
         }
-        self.greeted = Some(now);
+        self.greeted = Some((now, lease));
         let member_for_s = u32::try_from(now.since(linked).as_secs()).unwrap_or(u32::MAX);
-        out.push(Out::Publish(Message::Hello(Hello { member_for_s, ..self.settings.hello.clone() })));
+        let hello = Hello { member_for_s, lease, ..self.settings.hello.clone() };
+        out.push(Out::Publish(Message::Hello(hello)));
     }
 
     fn pursue(&mut self, now: Time, out: &mut Vec<Out>) {
+        self.give_tasks(now, out);
         let is_linked = self.linked.is_some();
         let mut turns = Vec::new();
         for (id, pursuit) in &mut self.wants {
@@ -262,15 +311,33 @@ impl Operator {
         }
     }
 
-    fn due_next(&self, now: Time) -> Option<Deadline> {
+    fn due_next(&self, now: Time) -> Option<(Time, Due)> {
         let open = self.wants.values().filter(|pursuit| !pursuit.is_settled(now));
         let orders = open.map(|pursuit| pursuit.ordering.next(now)).min();
-        let orders = orders.map(|at| Deadline { at, why: "orders" });
         let greets = self.greeted.filter(|_| self.linked.is_some() && self.settings.greets);
-        let greets = greets.map(|at| Deadline { at: at + GREETS_EVERY, why: "greets" });
         let script = self.script.as_ref().and_then(ScriptRun::deadline);
-        let script = script.map(|(at, why)| Deadline { at, why });
-        Deadline::earlier(Deadline::earlier(orders, greets), script)
+        let all = [
+            orders.map(|at| (at, Due::Orders)),
+            greets.map(|(at, lease)| (at + greets_every(lease), Due::Greets)),
+            self.tasks.next().map(|at| (at, Due::Tasks)),
+            script.map(|(at, due)| (at, Due::Script(due))),
+        ];
+        all.into_iter().flatten().min()
+    }
+}
+
+fn greets_every(held: Option<Lease>) -> Duration {
+    if held.is_some() { HOLDER_GREETS_EVERY } else { GREETS_EVERY }
+}
+
+impl Due {
+    fn why(self) -> &'static str {
+        match self {
+            Due::Orders => "orders",
+            Due::Greets => "greets",
+            Due::Tasks => "tasks",
+            Due::Script(due) => due.why(),
+        }
     }
 }
 
@@ -324,7 +391,7 @@ impl Actor for Operator {
     }
 
     fn deadline(&self) -> Option<Deadline> {
-        self.next
+        self.next.map(|(at, due)| Deadline { at, why: due.why() })
     }
 
     fn wake(&mut self, now: Time, out: &mut Vec<Out>) -> Result<(), Fault> {

@@ -40,6 +40,7 @@ mod delivery;
 use std::collections::{BTreeMap, BTreeSet};
 use std::time::Duration;
 
+use serde::{Deserialize, Serialize};
 use tomoswarm_proto::{
     Lease, Order, OrderKind, Report, Revision, RunId, SeenState, Sender, State, StationPhase, VehicleId,
 };
@@ -69,7 +70,7 @@ const HIGHEST: u32 = 1 << 31;
 const LAST_REVISION: u32 = u32::MAX - 1;
 
 /// What one ordering is to bring about, and what its operator knew before.
-#[derive(Clone, PartialEq, Eq, Debug)]
+#[derive(Clone, PartialEq, Eq, Debug, Serialize, Deserialize)]
 pub struct Instruction {
     /// What to do.
     pub kind: OrderKind,
@@ -94,7 +95,7 @@ pub struct Instruction {
 }
 
 /// An order on its way.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Ordering {
     instruction: Instruction,
     began: Time,
@@ -233,10 +234,15 @@ impl Ordering {
         (is_over || now.since(self.began) >= self.instruction.timeout).then(|| self.outcome_so_far(now))
     }
 
+    /// Returns the lease of the orders to those that were heard; `None` when nothing was sent.
+    pub fn lease(&self) -> Option<Lease> {
+        let issued = self.deliveries.values().filter_map(|delivery| delivery.issued);
+        issued.filter(|issued| !issued.is_blind).map(|issued| issued.lease).max()
+    }
+
     /// Returns what became of it so far.
     pub fn outcome_so_far(&self, now: Time) -> Outcome {
-        let issued = self.deliveries.values().filter_map(|delivery| delivery.issued);
-        let lease = issued.filter(|issued| !issued.is_blind).map(|issued| issued.lease).max();
+        let lease = self.lease();
         let vehicles = if self.refused.is_some() { BTreeMap::new() } else { self.outcomes(now) };
         Outcome { vehicles, lease, run: self.run, refused: self.refused }
     }

@@ -3,12 +3,13 @@
 use std::collections::BTreeMap;
 use std::time::Duration;
 
+use serde::{Deserialize, Serialize};
 use tomoswarm_proto::{Lease, Ordered, RunId, VehicleId};
 
 use super::fleet_view::Misfit;
 
 /// How an order ended for one vehicle.
-#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize)]
 pub enum VehicleOutcome {
     /// Its state shows the order, so long after it was first sent.
     Obeyed {
@@ -30,7 +31,7 @@ pub enum VehicleOutcome {
 }
 
 /// Why an order is not sent at all.
-#[derive(Clone, Copy, PartialEq, Eq, Debug, thiserror::Error)]
+#[derive(Clone, Copy, PartialEq, Eq, Debug, thiserror::Error, Serialize, Deserialize)]
 pub enum Refusal {
     /// The ground station drives another run than the one that is to be started.
     #[error("run {under_way} is under way: let it end before run {asked} begins")]
@@ -43,7 +44,7 @@ pub enum Refusal {
 }
 
 /// What became of an order.
-#[derive(Clone, PartialEq, Eq, Debug)]
+#[derive(Clone, PartialEq, Eq, Debug, Serialize, Deserialize)]
 pub struct Outcome {
     /// By vehicle, ascending.
     pub vehicles: BTreeMap<VehicleId, VehicleOutcome>,

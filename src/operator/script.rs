@@ -3,17 +3,24 @@
 //! operator does.
 //!
 //! ```text
-//!   step ─Want, Delay, Cue─► next step …                          ─► done
-//!     └──Wait─► shown ─► next step; not shown within its limit, or a want that failed ─► gave up
+//!   step ─Task, Want, Delay, Cue─► next step …                    ─► done
+//!     ├──Wait─► shown ─► next step; not shown within its limit, or a want that failed ─► gave up
+//!     │         what it waits for cannot come any more: a run has failed ──────────────► gave up
+//!     └──EndIf─► shown ─► done; otherwise the next step
 //! ```
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt;
 use std::time::Duration;
 
-use tomoswarm_proto::{Mode, OrderKind, RunId, State, StationPhase, VehicleId};
+use serde::{Deserialize, Serialize};
+use tomoswarm_proto::{
+    Mission, MissionKind, MissionPhase, Mode, OrderKind, Report, RunEnd, RunId, RunReport, State,
+    StationPhase, VehicleId,
+};
 
 use super::fleet_view::FleetView;
+use super::given_tasks::TaskWish;
 use super::status::Expected;
 use super::want::Want;
 use crate::geom::Point;
@@ -21,7 +28,7 @@ use crate::node::mission;
 use crate::time::Time;
 
 /// What is waited for.
-#[derive(Clone, PartialEq, Debug)]
+#[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
 pub enum Condition {
     /// These vehicles, and the ground station if it is expected, were heard.
     Heard(Expected),
@@ -31,10 +38,29 @@ pub enum Condition {
     RunEnded(RunId),
     /// Every vehicle that was sent home rests there.
     AtHome(BTreeMap<VehicleId, Point>),
+    /// Every stop of this run is done and all its samples are in; its images may still be made.
+    Driven(RunId),
+    /// Everything of this run is done, its last images too.
+    Done(RunId),
+    /// Every vehicle that is there has ended a mission of its own.
+    MissionsEnded(Present),
+    /// Every vehicle that is there has come home and stays there.
+    Home(Present),
+    /// One of these, or several.
+    Any(Vec<Condition>),
+}
+
+/// Vehicles, as far as they are there: who has been silent for too long is not waited for.
+#[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
+pub struct Present {
+    /// The vehicles.
+    pub vehicles: BTreeSet<VehicleId>,
+    /// For so long.
+    pub lost_after: Duration,
 }
 
 /// One step.
-#[derive(Clone, PartialEq, Debug)]
+#[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
 pub enum Step {
     /// Waits until the fleet shows something; gives up after `within`.
     Wait {
@@ -45,8 +71,12 @@ pub enum Step {
     },
     /// Lets time pass.
     Delay(Duration),
+    /// Gives a task; it is repeated until it is shown.
+    Task(TaskWish),
     /// Wants something of the fleet; it stands.
     Want(Want),
+    /// Ends the script if the fleet shows this now.
+    EndIf(Condition),
     /// Asks for something that is not the fleet's to do, and waits until it is said to be done.
     Cue {
         /// What is asked for.
@@ -57,7 +87,7 @@ pub enum Step {
 }
 
 /// How a script ended.
-#[derive(Clone, PartialEq, Eq, Debug)]
+#[derive(Clone, PartialEq, Eq, Debug, Serialize, Deserialize)]
 pub enum ScriptEnd {
     /// Every step was taken.
     Done,
@@ -73,6 +103,8 @@ pub enum ScriptEnd {
 /// What a script says.
 #[derive(Clone, PartialEq, Debug)]
 pub(super) enum ScriptOut {
+    /// This run is to be as it says.
+    Task(TaskWish),
     /// This is wanted.
     Want(Want),
     /// This is to be done.
@@ -82,7 +114,7 @@ pub(super) enum ScriptOut {
 }
 
 /// How it stands with what a script wanted last.
-#[derive(Clone, PartialEq, Eq, Debug)]
+#[derive(Clone, PartialEq, Eq, Debug, Serialize, Deserialize)]
 pub(super) enum LastWant {
     /// It is on its way.
     Open,
@@ -90,6 +122,28 @@ pub(super) enum LastWant {
     InForce,
     /// It has ended otherwise; why in words.
     Failed(String),
+}
+
+/// What a script waits for until a moment.
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Debug, Serialize, Deserialize)]
+pub(super) enum ScriptDue {
+    /// The limit of a wait.
+    GivesUp,
+    /// The limit of a cue.
+    CueNotDone,
+    /// The end of a delay.
+    GoesOn,
+}
+
+impl ScriptDue {
+    /// Returns it in words.
+    pub fn why(self) -> &'static str {
+        match self {
+            ScriptDue::GivesUp => "script gives up",
+            ScriptDue::CueNotDone => "cue not done",
+            ScriptDue::GoesOn => "script goes on",
+        }
+    }
 }
 
 /// What a script can look at.
@@ -101,7 +155,7 @@ pub(super) struct Sight<'a> {
 }
 
 /// A script on its way.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub(super) struct ScriptRun {
     steps: Vec<Step>,
     at: usize,
@@ -136,6 +190,13 @@ impl ScriptRun {
                     self.next(now);
                     return Some(ScriptOut::Want(want));
                 }
+                Step::Task(wish) => {
+                    let wish = wish.clone();
+                    self.next(now);
+                    return Some(ScriptOut::Task(wish));
+                }
+                Step::EndIf(shown) if shown.is_shown(now, sight) => break,
+                Step::EndIf(_) => self.next(now),
                 Step::Cue { name, .. } if !self.is_cue_said => {
                     self.is_cue_said = true;
                     return Some(ScriptOut::Cue(name.clone()));
@@ -147,6 +208,9 @@ impl ScriptRun {
                 }
                 Step::Wait { until, .. } if until.is_shown(now, sight) => self.next(now),
                 Step::Wait { until, within } => {
+                    if let Some(why) = until.is_hopeless(now, sight) {
+                        return Some(self.give_up(why));
+                    }
                     let why = || until.missed(now, sight, *within);
                     return (waited >= *within).then(|| self.give_up(why()));
                 }
@@ -158,12 +222,12 @@ impl ScriptRun {
     }
 
     /// Returns when the present step is over at the latest, and why.
-    pub fn deadline(&self) -> Option<(Time, &'static str)> {
+    pub fn deadline(&self) -> Option<(Time, ScriptDue)> {
         match self.steps.get(self.at)? {
-            Step::Wait { within, .. } => Some((self.since + *within, "script gives up")),
-            Step::Cue { within, .. } => Some((self.since + *within, "cue not done")),
-            Step::Delay(span) => Some((self.since + *span, "script goes on")),
-            Step::Want(_) => None,
+            Step::Wait { within, .. } => Some((self.since + *within, ScriptDue::GivesUp)),
+            Step::Cue { within, .. } => Some((self.since + *within, ScriptDue::CueNotDone)),
+            Step::Delay(span) => Some((self.since + *span, ScriptDue::GoesOn)),
+            Step::Task(_) | Step::Want(_) | Step::EndIf(_) => None,
         }
     }
 
@@ -187,6 +251,38 @@ impl Condition {
                 report.run == *run && report.phase == StationPhase::Idle && report.laps > 0
             }),
             Condition::AtHome(homes) => away(homes, sight.view).is_empty(),
+            Condition::Driven(run) => sight.report(now).is_some_and(|report| is_driven(report, *run)),
+            Condition::Done(run) => sight.run(now, *run).is_some_and(|run| run.end == Some(RunEnd::Done)),
+            Condition::MissionsEnded(present) => present.all(now, sight.view, has_ended),
+            Condition::Home(present) => present.all(now, sight.view, is_home),
+            Condition::Any(conditions) => conditions.iter().any(|one| one.is_shown(now, sight)),
+        }
+    }
+
+    /// Says why it cannot come to be shown any more; `None` = it can.
+    fn is_hopeless(&self, now: Time, sight: &Sight) -> Option<String> {
+        match self {
+            Condition::Driven(run) | Condition::Done(run) => {
+                let end = sight.run(now, *run)?.end?;
+                let troubles = &sight.report(now)?.troubles;
+                let reason =
+                    if troubles.is_empty() { String::new() } else { format!(": {}", troubles.join("; ")) };
+                match end {
+                    RunEnd::Done => None,
+                    RunEnd::Stopped => Some(format!("run {run} was stopped{reason}")),
+                    RunEnd::Failed => Some(format!("run {run} has failed{reason}")),
+                }
+            }
+            Condition::Any(conditions) => {
+                let reasons = conditions.iter().map(|one| one.is_hopeless(now, sight));
+                reasons.collect::<Option<Vec<String>>>().map(|reasons| reasons.join("; "))
+            }
+            Condition::Heard(_)
+            | Condition::InForce
+            | Condition::RunEnded(_)
+            | Condition::AtHome(_)
+            | Condition::MissionsEnded(_)
+            | Condition::Home(_) => None,
         }
     }
 
@@ -201,7 +297,20 @@ impl Condition {
                     away(homes, sight.view).iter().map(|id| format!("vehicle {id}")).collect();
                 format!("not at home: {}", away.join(", "))
             }
-            Condition::InForce | Condition::RunEnded(_) => format!("not shown: {self}"),
+            Condition::Home(present) => {
+                let away: Vec<String> = present
+                    .without(now, sight.view, is_home)
+                    .iter()
+                    .map(|id| format!("vehicle {id}"))
+                    .collect();
+                format!("not at home: {}", away.join(", "))
+            }
+            Condition::InForce
+            | Condition::RunEnded(_)
+            | Condition::Driven(_)
+            | Condition::Done(_)
+            | Condition::MissionsEnded(_)
+            | Condition::Any(_) => format!("not shown: {self}"),
         };
         format!("{missing}, within {:.1} s", within.as_secs_f64())
     }
@@ -213,9 +322,63 @@ impl fmt::Display for Condition {
             Condition::Heard(_) => write!(f, "everybody is heard"),
             Condition::InForce => write!(f, "every vehicle shows the order"),
             Condition::RunEnded(run) => write!(f, "run {run} has ended"),
-            Condition::AtHome(_) => write!(f, "everybody is at home"),
+            Condition::AtHome(_) | Condition::Home(_) => write!(f, "everybody is at home"),
+            Condition::Driven(run) => write!(f, "run {run} is driven to its end"),
+            Condition::Done(run) => write!(f, "run {run} is done"),
+            Condition::MissionsEnded(_) => write!(f, "every mission has ended"),
+            Condition::Any(conditions) => {
+                let words: Vec<String> = conditions.iter().map(Condition::to_string).collect();
+                write!(f, "{}", words.join(", or "))
+            }
         }
     }
+}
+
+impl Sight<'_> {
+    fn report(&self, now: Time) -> Option<&Report> {
+        self.view.ground(now).map(|report| &report.value)
+    }
+
+    fn run(&self, now: Time, run: RunId) -> Option<&RunReport> {
+        self.report(now)?.runs.iter().find(|report| report.run == run)
+    }
+}
+
+impl Present {
+    /// Returns whether that is so of all who are there, and somebody is.
+    fn all(&self, now: Time, view: &FleetView, is_so: fn(&Mission) -> bool) -> bool {
+        self.there(now, view).next().is_some() && self.without(now, view, is_so).is_empty()
+    }
+
+    /// Returns of whom of those who are there that is not so.
+    fn without(&self, now: Time, view: &FleetView, is_so: fn(&Mission) -> bool) -> Vec<VehicleId> {
+        let mission = |id: &VehicleId| view.vehicle(*id).and_then(|seen| seen.mission.as_ref());
+        let is_open = |id: &VehicleId| !mission(id).is_some_and(|mission| is_so(&mission.value));
+        self.there(now, view).filter(is_open).collect()
+    }
+
+    fn there(&self, now: Time, view: &FleetView) -> impl Iterator<Item = VehicleId> {
+        let is_there =
+            move |id: &&VehicleId| view.state(**id).is_some_and(|state| state.age(now) <= self.lost_after);
+        self.vehicles.iter().filter(is_there).copied()
+    }
+}
+
+fn is_driven(report: &Report, run: RunId) -> bool {
+    let of_run = report.runs.iter().find(|report| report.run == run);
+    of_run.is_some_and(|of_run| match of_run.end {
+        None => report.run == run && report.phase == StationPhase::Idle && report.laps > 0,
+        Some(RunEnd::Done) => true,
+        Some(RunEnd::Stopped | RunEnd::Failed) => false,
+    })
+}
+
+fn has_ended(mission: &Mission) -> bool {
+    mission.kind != MissionKind::Sweep && mission.end.is_some()
+}
+
+fn is_home(mission: &Mission) -> bool {
+    mission.is_at_home && mission.phase == MissionPhase::Over
 }
 
 /// Returns who is not at home yet.

@@ -3,13 +3,14 @@
 
 use std::collections::BTreeSet;
 
+use serde::{Deserialize, Serialize};
 use tomoswarm_proto::VehicleId;
 
 use super::fleet_view::FleetView;
 use crate::time::Time;
 
 /// Who must be heard for the picture to be whole.
-#[derive(Clone, PartialEq, Eq, Debug)]
+#[derive(Clone, PartialEq, Eq, Debug, Serialize, Deserialize)]
 pub struct Expected {
     /// These vehicles; those that a ground station's report names come on top.
     pub vehicles: BTreeSet<VehicleId>,

@@ -3,10 +3,11 @@
 use std::collections::BTreeSet;
 use std::time::Duration;
 
+use serde::{Deserialize, Serialize};
 use tomoswarm_proto::{OrderKind, RunId, VehicleId};
 
 /// Names a want.
-#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Debug)]
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Debug, Serialize, Deserialize)]
 pub enum WantId {
     /// By hand; the number is given by whoever wants it.
     Hand(u32),
@@ -15,7 +16,7 @@ pub enum WantId {
 }
 
 /// What is wanted of vehicles.
-#[derive(Clone, PartialEq, Eq, Debug)]
+#[derive(Clone, PartialEq, Eq, Debug, Serialize, Deserialize)]
 pub struct Want {
     /// What they shall do.
     pub kind: OrderKind,

@@ -14,7 +14,7 @@ use std::path::Path;
 use std::sync::mpsc::{SyncSender, sync_channel};
 use std::sync::{Arc, Mutex};
 
-use tomoswarm_proto::{Boot, Message, Report, RunId, Sender, VehicleId, codec};
+use tomoswarm_proto::{Boot, Message, Report, Sender, VehicleId, codec};
 
 use self::archive::Archive;
 use self::keeper::{Wanted, keeper};
@@ -30,7 +30,7 @@ use super::vehicle_process::{recorder, short, watch_recorder};
 use crate::actor::Actor;
 use crate::config::GroundFile;
 use crate::ground::from_config::{PartsError, ground_parts};
-use crate::ground::station::{self, Memory, Note, Station};
+use crate::ground::station::{self, Memory, Station};
 use crate::ground::wiring::Source;
 use crate::ground::{Effect, Event, GroundWiring};
 use crate::store::StoreError;
@@ -110,7 +110,6 @@ pub fn run(
         mouth: member.mouth(),
         archive: Arc::new(Archive::new(store, troubles.clone())),
         troubles: troubles.clone(),
-        compare_with: file.compare_with,
         report: Mutex::default(),
     });
     let told = node.clone();
@@ -215,8 +214,13 @@ impl Ear {
             // When the store cannot keep pace a batch is dropped: its vehicle repeats it.
             Message::Samples(batch) => drop(self.store.try_send(Wanted::Samples(batch))),
             Message::Hello(hello) => {
-                if let Sender::Vehicle(vehicle) = sender {
-                    drop(self.store.try_send(Wanted::Software(vehicle, hello.boot, hello.software)));
+                match sender {
+                    Sender::Vehicle(vehicle) => {
+                        drop(self.store.try_send(Wanted::Software(vehicle, hello.boot, hello.software)));
+                    }
+                    // It names the lease that it holds.
+                    Sender::Operator(_) => self.node.tell(Event::Bus(sender, Message::Hello(hello))),
+                    Sender::Ground => {}
                 }
             }
             Message::Tile(report) => {
@@ -244,7 +248,6 @@ struct Edge {
     mouth: Mouth,
     archive: Arc<Archive>,
     troubles: Troubles,
-    compare_with: Option<RunId>,
     report: Mutex<Option<Report>>,
 }
 
@@ -262,7 +265,9 @@ impl Edge {
                 }
                 self.archive.hold_picture(picture);
             }
-            Effect::Note(note) => self.note(&note),
+            Effect::BeginRun { run, compared_with } => self.archive.hold_run(run, compared_with),
+            Effect::EndRun(run) => self.archive.hold_end(run),
+            Effect::Note(note) => tracing::info!("{note:?}"),
         }
     }
 
@@ -291,27 +296,6 @@ impl Edge {
             | Message::Standing(_)
             | Message::Task(_)
             | Message::Image(_) => self.mouth.publish(&message),
-        }
-    }
-
-    fn note(&self, note: &Note) {
-        tracing::info!("{note:?}");
-        match note {
-            Note::Planned { run, .. } => {
-                self.archive.hold_run(*run, self.compare_with.filter(|empty| empty != run));
-            }
-            Note::RunClosed { run, .. } => self.archive.hold_end(*run),
-            Note::NoPlan(_)
-            | Note::Replans(_)
-            | Note::Waits(_)
-            | Note::Lost(_)
-            | Note::Found(_)
-            | Note::Restarted(_)
-            | Note::Leads(_)
-            | Note::StandsBy(_)
-            | Note::Overtaken(_)
-            | Note::Stalled(_)
-            | Note::LapDone { .. } => {}
         }
     }
 }

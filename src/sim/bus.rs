@@ -9,11 +9,11 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use tomoswarm_proto::codec::{DecodeError, Decoded, EncodeError, decode, encode};
-use tomoswarm_proto::{About, Message, Topic, VehicleId};
+use tomoswarm_proto::{About, Interest, Message, OperatorId, Topic, VehicleId};
 
 use super::noise::{Noise, Purpose};
 use crate::config::Partition;
-use crate::exchange::table::{Vehicles, row};
+use crate::exchange::table::{Vehicles, interest, row};
 use crate::time::Time;
 
 /// A node of the swarm: the ground station or a vehicle.
@@ -184,8 +184,10 @@ impl Bus {
         }
     }
 
-    /// Tells whether two nodes hear each other at a moment.
+    /// Tells whether two nodes hear each other at a moment. Operators sit beside the ground station: what cuts off the one
+    /// cuts off the others.
     pub fn joins(&self, now: Time, a: NodeId, b: NodeId) -> bool {
+        let (a, b) = (place_of(a), place_of(b));
         !self.model.partitions.iter().any(|partition| partition.cuts(now, a, b))
     }
 
@@ -214,8 +216,27 @@ impl Bus {
     }
 }
 
-/// Returns who hears what a sender says, in a swarm of these vehicles and a ground station: the vehicles first, in the order
-/// that is given. There is no operator on the simulated bus.
+/// Returns who of the operators hears what a sender says; each is named with what it is interested in.
+pub fn operators_that_hear<'a>(
+    sender: NodeId,
+    message: &Message,
+    operators: impl Iterator<Item = (OperatorId, &'a [Interest])>,
+) -> Vec<NodeId> {
+    let is_told = row(message.kind()).audience(sender).is_some_and(|audience| audience.operators);
+    let of = interest(message.kind());
+    let hears = |(_, wanted): &(OperatorId, &[Interest])| of.is_none_or(|of| wanted.contains(&of));
+    operators.filter(|operator| is_told && hears(operator)).map(|(id, _)| NodeId::Operator(id)).collect()
+}
+
+fn place_of(node: NodeId) -> NodeId {
+    match node {
+        NodeId::Operator(_) => NodeId::Ground,
+        NodeId::Ground | NodeId::Vehicle(_) => node,
+    }
+}
+
+/// Returns which vehicles and ground station hear what a sender says, in a swarm of these vehicles and a ground station:
+/// the vehicles first, in the order that is given.
 pub fn receivers(
     sender: NodeId,
     message: &Message,
@@ -386,6 +407,33 @@ mod tests {
         }
         let unknown = |node| bus.traffic()[&node].unknown_messages;
         assert_eq!((unknown(NodeId::Ground), unknown(A), unknown(B)), (1, 0, 1));
+    }
+
+    #[test]
+    fn an_operator_hears_what_it_is_interested_in_and_what_all_are_told() {
+        let (fleet, map) = ([Interest::Fleet], [Interest::Map]);
+        let operators = [(OperatorId(1), &fleet[..]), (OperatorId(2), &map[..]), (OperatorId(3), &[])];
+        let mut heard: BTreeMap<NodeId, Vec<Kind>> = BTreeMap::new();
+        for (_, message) in examples() {
+            for sender in ALL.into_iter().filter(|sender| may_say(*sender, &message)) {
+                for to in operators_that_hear(sender, &message, operators.into_iter()) {
+                    heard.entry(to).or_default().push(message.kind());
+                }
+            }
+        }
+        let kinds = |number: u8, of: &[Kind]| {
+            let heard = &heard[&NodeId::Operator(OperatorId(number))];
+            of.iter().map(|kind| heard.contains(kind)).collect::<Vec<bool>>()
+        };
+        assert_eq!(
+            kinds(1, &[Kind::State, Kind::Mission, Kind::Report, Kind::Tile]),
+            [true, true, true, false]
+        );
+        assert_eq!(kinds(2, &[Kind::State, Kind::Tile, Kind::Report]), [false, true, true]);
+        assert_eq!(
+            kinds(3, &[Kind::State, Kind::Samples, Kind::Image, Kind::Report]),
+            [false, false, false, true]
+        );
     }
 
     #[test]

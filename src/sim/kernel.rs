@@ -9,6 +9,7 @@
 
 mod failing;
 mod journal;
+mod operators;
 mod recorded;
 #[cfg(test)]
 mod rig;
@@ -22,8 +23,9 @@ use std::time::Duration;
 use tomoswarm_proto::codec::{self, Decoded};
 use tomoswarm_proto::{Message, VehicleId};
 
+pub(super) use self::operators::{Part, SimulatedOperator};
 pub(super) use self::recorded::Recording;
-use super::bus::{Bus, Frame, NodeId, receivers};
+use super::bus::{Bus, Frame, NodeId, operators_that_hear, receivers};
 use super::disk::Disk;
 use super::environment::{DeviceCommand, Environment, WorldEvent};
 use super::faults::{Faults, Turn};
@@ -31,12 +33,14 @@ use super::noise::Noise;
 use super::outcome::Recorder;
 use super::queue::EventQueue;
 use super::script::{Next, Script, Step};
+use super::shadow::{Deed, ShadowRun, deeds};
 use super::shown::{Shown, Shows};
 use crate::actor::Fault;
+use crate::exchange::ingress::Heard;
 use crate::ground::station::Note as GroundNote;
 use crate::ground::{self, GroundNode};
 use crate::node::mission::Remark as MissionRemark;
-use crate::node::radio::Heard;
+use crate::node::radio;
 use crate::node::route::Note as VehicleNote;
 use crate::node::vehicle::Fly;
 use crate::node::{self, VehicleNode};
@@ -58,6 +62,20 @@ enum Event {
     },
     Script(Step),
     Fault(Turn),
+    /// The operators join the bus.
+    OperatorsBegin,
+}
+
+impl Event {
+    /// Returns whether it concerns nobody but an operator, in a swarm of so many vehicles.
+    fn is_of_operator(&self, vehicles: usize) -> bool {
+        match self {
+            Event::OperatorsBegin | Event::Deliver { to: NodeId::Operator(_), .. } => true,
+            Event::Wake { node, .. } => *node > vehicles,
+            Event::Environment | Event::Script(_) | Event::Fault(_) => false,
+            Event::Deliver { to: NodeId::Ground | NodeId::Vehicle(_), .. } => false,
+        }
+    }
 }
 
 /// A node's alarm; a generation tells which of the queued wakes counts.
@@ -90,6 +108,7 @@ pub(super) struct Parts {
     pub settings: Vec<node::Settings>,
     pub faults: Faults,
     pub ground: GroundNode,
+    pub operators: Vec<SimulatedOperator>,
     pub script: Script,
     pub until: Time,
     pub shuffle_ties: bool,
@@ -111,8 +130,11 @@ pub(super) struct Kernel {
     is_dead: Vec<bool>,
     disks: Vec<Disk>,
     ground: GroundNode,
+    operators: Vec<SimulatedOperator>,
     alarms: Vec<Alarm>,
     script: Script,
+    /// What the script has ordered and brought about.
+    script_deeds: Vec<Deed>,
     until: Time,
     ends_at_contact: bool,
     shows: Shows,
@@ -140,8 +162,10 @@ impl Kernel {
             is_dead: vec![false; count],
             disks: vec![Disk::default(); count],
             ground: parts.ground,
-            alarms: vec![Alarm::default(); count + 1],
+            alarms: vec![Alarm::default(); count + 1 + parts.operators.len()],
+            operators: parts.operators,
             script: parts.script,
+            script_deeds: Vec::new(),
             until: parts.until,
             ends_at_contact: parts.ends_at_contact,
             shows: Shows::every(parts.shown_every),
@@ -166,6 +190,9 @@ impl Kernel {
         for (at, turn) in self.faults.turns() {
             self.queue.push(at, Event::Fault(turn));
         }
+        if !self.operators.is_empty() {
+            self.queue.push(Time::ZERO, Event::OperatorsBegin);
+        }
         for node in 0..self.alarms.len() {
             self.set_alarm(node);
         }
@@ -187,7 +214,7 @@ impl Kernel {
             }
             debug_assert!(at >= self.now, "time never goes back");
             self.now = at;
-            self.record.counts.events += 1;
+            self.record.counts.events += u64::from(!event.is_of_operator(self.vehicles.len()));
             let happened = self.happen(event);
             if let Some(recording) = &mut recording {
                 self.hand_out(recording)?;
@@ -215,6 +242,12 @@ impl Kernel {
         (self.record, self.environment, self.ground, self.bus, end, separation_m)
     }
 
+    /// Returns what the script did and what the first operator would have done.
+    pub fn shadow_run(&self) -> ShadowRun {
+        let said = self.operators.first().map(|operator| operator.said.as_slice()).unwrap_or_default();
+        ShadowRun { script: self.script_deeds.clone(), operator: deeds(said) }
+    }
+
     /// Ends the run, but for what is still on its way.
     fn end(&mut self) {
         if self.ended.is_none() {
@@ -233,6 +266,7 @@ impl Kernel {
                 self.fail(turn);
                 Ok(())
             }
+            Event::OperatorsBegin => self.prime_operators(),
         }
     }
 
@@ -244,6 +278,8 @@ impl Kernel {
         if node < self.vehicles.len() {
             self.vehicles[node].wake(self.now, &mut self.vehicle_effects)?;
             self.carry_out(node)?;
+        } else if let Some(operator) = node.checked_sub(self.vehicles.len() + 1) {
+            return self.wake_operator(operator);
         } else {
             self.ground.wake(self.now, &mut self.ground_effects)?;
             self.carry_out_ground();
@@ -272,9 +308,11 @@ impl Kernel {
 
     /// Queues the node's next wake, unless the one queued already is the right one.
     fn set_alarm(&mut self, node: usize) {
+        let ground = self.vehicles.len();
         let deadline = match self.vehicles.get_mut(node) {
             Some(vehicle) => vehicle.deadline(),
-            None => self.ground.deadline(),
+            None if node == ground => self.ground.deadline(),
+            None => self.operators[node - ground - 1].node.deadline(),
         };
         let at = deadline.map(|deadline| deadline.at.max(self.now));
         let alarm = &mut self.alarms[node];
@@ -396,14 +434,17 @@ impl Kernel {
     fn hear(&mut self, frame: &[u8], receivers: &[(usize, i16)]) -> Result<(), Fault> {
         let Ok(Decoded::Message(Message::Beacon(beacon))) = codec::decode(frame) else { return Ok(()) };
         for (to, rssi_dbm) in receivers {
-            let heard = Heard { beacon: beacon.clone(), rssi_dbm: *rssi_dbm };
+            let heard = radio::Heard { beacon: beacon.clone(), rssi_dbm: *rssi_dbm };
             self.tell(*to, node::Event::Heard(heard))?;
         }
         Ok(())
     }
 
     fn publish(&mut self, sender: NodeId, message: &Message) {
-        let receivers = receivers(sender, message, self.vehicles.iter().map(VehicleNode::id));
+        let operators = self.operators.iter().map(|operator| (operator.id, &operator.interest[..]));
+        let operators = operators_that_hear(sender, message, operators);
+        let mut receivers = receivers(sender, message, self.vehicles.iter().map(VehicleNode::id));
+        receivers.extend(operators);
         // A message too long for a frame is dropped here as a live bus would drop it.
         let Ok(deliveries) = self.bus.send(self.now, sender, message, &receivers) else { return };
         for delivery in deliveries {
@@ -420,12 +461,11 @@ impl Kernel {
                 return Ok(());
             }
         };
-        self.record.counts.messages += 1;
         let sender = frame.sender();
+        self.record.counts.messages += u64::from(!matches!(to, NodeId::Operator(_)));
         match to {
             NodeId::Ground => self.tell_ground(ground::Event::Bus(sender, message)),
-            // In the simulation the scenario is the operator.
-            NodeId::Operator(_) => Ok(()),
+            NodeId::Operator(id) => self.deliver_to_operator(id, Heard::of(sender, message)),
             NodeId::Vehicle(id) => match self.index_of(id) {
                 Some(vehicle) => self.tell(vehicle, node::Event::Bus(sender, message)),
                 None => Ok(()),
@@ -469,8 +509,9 @@ impl Kernel {
             match effect {
                 ground::Effect::Publish(message) => self.publish(NodeId::Ground, &message),
                 ground::Effect::Picture(picture) => self.picture(picture),
-                // A simulated ground station is never started anew from its memory.
-                ground::Effect::Remember(_) => {}
+                // A simulated ground station has no store, and is never started anew from its memory.
+                ground::Effect::Remember(_) | ground::Effect::BeginRun { .. } | ground::Effect::EndRun(_) => {
+                }
                 ground::Effect::Note(note) => self.ground_note(&note),
             }
         }

@@ -25,7 +25,7 @@ const SIGNIFICANT: f64 = 4.2;
 /// How often things happened.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
 pub struct Counts {
-    /// Events of the kernel.
+    /// Events of the kernel, but for those of operators: looking costs nothing.
     pub events: u64,
     /// Range readings.
     pub scans: u64,
@@ -35,7 +35,7 @@ pub struct Counts {
     pub collided_beacons: u64,
     /// Commands of vehicles that their devices dropped: busy or wrecked ones, or impossible commands.
     pub dropped_commands: u64,
-    /// Messages delivered by the bus.
+    /// Messages delivered by the bus to vehicles and ground station.
     pub messages: u64,
 }
 

@@ -10,12 +10,14 @@ use super::bus::{Bus, BusModel};
 use super::entry::Entry;
 use super::environment::{Environment, TRACK_EVERY};
 use super::faults::Faults;
-use super::kernel::{Kernel, Parts, Recording};
+use super::kernel::{Kernel, Part, Parts, Recording, SimulatedOperator};
 use super::noise::{Noise, Purpose};
+use super::operator_script;
 use super::outcome::{Outcome, Recorder};
 use super::radio_field::{RadioConstants, RadioField};
 use super::range::{Lobe, RangeModel, RangeSensor};
 use super::script::{EMPTY_RUN, RUN, Script};
+use super::shadow::ShadowRun;
 use super::shown::Shown;
 use super::staging;
 use super::world::{Build, Flying, GROUND_CLEARANCE_M, Stage, World};
@@ -251,6 +253,27 @@ impl Scenario {
         Ok(self.outcome(kernel)?)
     }
 
+    /// Runs the scenario as [`Scenario::run`] does while an operator that nobody hears follows it too; returns what the
+    /// script did and what the operator would have done.
+    ///
+    /// # Errors
+    /// As for [`Scenario::run`].
+    pub fn run_with_shadow(&self) -> Result<(Outcome, ShadowRun), RunError> {
+        let mut parts = self.parts()?;
+        parts.operators.push(self.operator(Part::Shadows));
+        let mut kernel = Kernel::new(parts);
+        kernel.run(&mut |_| true, None)?;
+        let shadow = kernel.shadow_run();
+        Ok((self.outcome(kernel)?, shadow))
+    }
+
+    fn operator(&self, part: Part) -> SimulatedOperator {
+        let (id, holder) =
+            (operator_script::SCENARIO_OPERATOR, self.noise.hash(Purpose::Start, &[u64::MAX - 2]));
+        let settings = operator_script::settings(&self.sim, id, holder);
+        SimulatedOperator::new(id, settings, part, operator_script::steps(&self.sim))
+    }
+
     pub(super) fn parts(&self) -> Result<Parts, ScenarioError> {
         let (sim, noise) = (&self.sim, self.noise);
         let (environment, second) = self.environment()?;
@@ -265,6 +288,7 @@ impl Scenario {
             settings,
             faults: faults(sim),
             ground: self.ground()?,
+            operators: Vec::new(),
             script: self.script_with(second),
             until: Time::ZERO + sim.until(),
             shuffle_ties: self.shuffle_ties,

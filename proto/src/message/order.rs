@@ -3,7 +3,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::SeenState;
+use super::{MissionKind, SeenState};
 use crate::{EmergencyName, Lease, OperatorId, Position, Revision, RunId, VehicleId};
 
 /// What an operator wants of a vehicle.
@@ -149,6 +149,20 @@ pub enum TaskKind {
     },
     /// All together look at everything that can be reached.
     Explore,
+}
+
+impl From<&TaskKind> for MissionKind {
+    fn from(task: &TaskKind) -> MissionKind {
+        match task {
+            TaskKind::Sweep { .. } => MissionKind::Sweep,
+            TaskKind::Legs { .. } => MissionKind::Legs,
+            TaskKind::Forward { .. } => MissionKind::Forward,
+            TaskKind::Browse => MissionKind::Browse,
+            TaskKind::Search => MissionKind::Search,
+            TaskKind::Pathfind { .. } => MissionKind::Pathfind,
+            TaskKind::Explore => MissionKind::Explore,
+        }
+    }
 }
 
 /// A mission for some vehicles, given by an operator to them and to the ground station. It moves nobody: that takes an

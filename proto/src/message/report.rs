@@ -43,7 +43,7 @@ pub struct RunReport {
     pub kind: MissionKind,
     /// The run that its images are compared with.
     pub compared_with: Option<RunId>,
-    /// How it ended; `None` = it is under way.
+    /// How it ended; `None` = it is still to begin or under way, or its last images are being made.
     pub end: Option<RunEnd>,
     /// Samples stored.
     pub samples: u64,

@@ -3,12 +3,18 @@
 //! ```text
 //!   Listening ─2 s, nobody else holds one─► Holding ─a greater lease is heard─► StandingBy
 //!       └───── another ground lives ───────────────────────────────────────────►  │
-//!                                             ▲                                   │
-//!                                             └── no other ground for 10 s ───────┘
+//!                                            ▲ │ ▲                                │
+//!      an operator holds the greatest lease: └─┘ └── no other ground for 10 s ────┤
+//!      it is planned under                   ▲                                    │
+//!                                            └── it was that of an operator ──────┘
 //! ```
 //!
 //! A lease is taken above the highest number heard, so that vehicles that echo an older one obey the new holder. A
-//! lease in an echo is no sign of life of its holder; only its Report is.
+//! lease in an echo is no sign of life of its holder; only the Report of a ground is, or the Hello of an operator.
+//!
+//! **Operators.** A lease that a live operator holds is not fought over: the ground that leads plans under it. When the
+//! operator has been silent for 5 s the ground takes one of its own. Of two grounds that lead under one operator's lease
+//! (they could not hear each other before) the one whose store has the lower id goes on.
 
 use std::time::Duration;
 
@@ -35,8 +41,10 @@ enum Right {
 /// What has changed.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub enum Change {
-    /// This lease is held from now on.
+    /// This lease is held from now on, after a time without one.
     Taken(Lease),
+    /// This lease, an operator's or an own one, has taken the place of the one held before.
+    Renewed(Lease),
     /// Somebody else holds a greater one: this one.
     StoodDown(Lease),
 }
@@ -50,18 +58,23 @@ pub struct Leases {
     other: Option<(Time, Lease)>,
     right: Right,
     take_over: bool,
+    /// Its random id as the holder of a lease; that of the own lease unless it is an operator's.
+    holder: u64,
+    /// The greatest lease that an operator says to hold, and when it said so last.
+    operator: Option<(Time, Lease)>,
 }
 
 impl Leases {
     /// Holds a lease from the start.
     pub fn held(lease: Lease) -> Leases {
-        Leases { own: lease, highest: lease, other: None, right: Right::Holding, take_over: false }
+        Leases { right: Right::Holding, ..Leases::listening(lease, false) }
     }
 
     /// Listens first. `last` is the lease held before (number 0 = none) and names the holder; with `take_over` a live
     /// holder is displaced, once.
     pub fn listening(last: Lease, take_over: bool) -> Leases {
-        Leases { own: last, highest: last, other: None, right: Right::Listening(None), take_over }
+        let (right, holder) = (Right::Listening(None), last.holder);
+        Leases { own: last, highest: last, other: None, right, take_over, holder, operator: None }
     }
 
     /// Tells whether orders and plans may be given.
@@ -96,7 +109,7 @@ impl Leases {
 
     /// Takes the lease of a ground's report; one without a lease, and the own, says nothing.
     pub fn heard_report(&mut self, now: Time, lease: Lease) -> Option<Change> {
-        if lease.number == 0 || lease.holder == self.own.holder {
+        if lease.number == 0 || lease.holder == self.holder {
             return None;
         }
         if lease >= self.own {
@@ -105,31 +118,88 @@ impl Leases {
         self.heard(now, lease)
     }
 
+    /// Takes the lease of the report of a ground that comes before this one: of two that lead under one operator's lease it
+    /// is the one that goes on.
+    pub fn heard_elder(&mut self, now: Time, lease: Lease) -> Option<Change> {
+        if !self.holds() || lease != self.own || lease.holder == self.holder {
+            return self.heard_report(now, lease);
+        }
+        (self.other, self.right) = (Some((now, lease)), Right::StandingBy(now));
+        Some(Change::StoodDown(lease))
+    }
+
+    /// Takes the lease that an operator says to hold; one that is displaced already counts for nothing.
+    pub fn heard_operator(&mut self, now: Time, lease: Lease) -> Option<Change> {
+        if lease.number == 0 || lease < self.highest {
+            return None;
+        }
+        (self.highest, self.operator) = (lease, Some((now, lease)));
+        match self.right {
+            Right::Holding if lease == self.own => None,
+            Right::Holding => {
+                self.own = lease;
+                Some(Change::Renewed(lease))
+            }
+            // It stood by for nobody else than this operator.
+            Right::StandingBy(_) if self.other_lives(now, SILENT).is_none() => Some(self.follow(lease)),
+            Right::StandingBy(_) | Right::Listening(_) => None,
+        }
+    }
+
     /// Looks whether a lease can be taken now.
     pub fn tick(&mut self, now: Time) -> Option<Change> {
-        let lives = |within| self.other.filter(|(at, lease)| *lease >= self.own && now.since(*at) < within);
+        let lives = |within| self.other_lives(now, within);
         match self.right {
-            Right::Holding => None,
+            Right::Holding if self.own.holder == self.holder || self.operator(now).is_some() => None,
+            Right::Holding => {
+                self.take();
+                Some(Change::Renewed(self.own))
+            }
             Right::Listening(None) => {
                 self.right = Right::Listening(Some(now));
                 None
             }
             Right::Listening(Some(since)) if now.since(since) < LISTEN => None,
             Right::Listening(Some(_)) => match lives(LIVES).filter(|_| !self.take_over) {
-                None => Some(self.take()),
+                None => Some(self.lead(now)),
                 Some((at, lease)) => {
                     self.right = Right::StandingBy(at);
                     Some(Change::StoodDown(lease))
                 }
             },
             Right::StandingBy(since) if now.since(since) < SILENT || lives(SILENT).is_some() => None,
-            Right::StandingBy(_) => Some(self.take()),
+            Right::StandingBy(_) => Some(self.lead(now)),
         }
+    }
+
+    /// Returns the lease of a live operator, if it is the greatest of all.
+    fn operator(&self, now: Time) -> Option<Lease> {
+        let live = self.operator.filter(|(at, lease)| now.since(*at) < LIVES && *lease >= self.highest);
+        live.map(|(_, lease)| lease)
+    }
+
+    /// Returns when another ground was heard to hold no lower lease, if that was within this time.
+    fn other_lives(&self, now: Time, within: Duration) -> Option<(Time, Lease)> {
+        self.other.filter(|(at, lease)| *lease >= self.own && now.since(*at) < within)
+    }
+
+    /// Leads from now on, under the lease of an operator if one holds the greatest.
+    fn lead(&mut self, now: Time) -> Change {
+        match self.operator(now) {
+            Some(lease) => self.follow(lease),
+            None => self.take(),
+        }
+    }
+
+    fn follow(&mut self, lease: Lease) -> Change {
+        self.own = lease;
+        (self.right, self.take_over, self.other) = (Right::Holding, false, None);
+        Change::Taken(lease)
     }
 
     fn take(&mut self) -> Change {
         let number = self.highest.number.max(self.own.number).saturating_add(1);
-        self.own = Lease { number, ..self.own };
+        self.own = Lease { number, holder: self.holder };
         self.highest = self.own;
         (self.right, self.take_over, self.other) = (Right::Holding, false, None);
         Change::Taken(self.own)
@@ -196,6 +266,49 @@ mod tests {
         let mut leases = Leases::held(lease(3, 1));
         assert_eq!(leases.heard(at(5), lease(8, 2)), Some(Change::StoodDown(lease(8, 2))));
         assert_eq!(first_change(&mut leases, 5, 99), Some((15, Change::Taken(lease(9, 1)))));
+    }
+
+    /// A ground that holds lease 3 and hears an operator take lease 4 over.
+    fn under_operator() -> Leases {
+        let mut leases = Leases::held(lease(3, 1));
+        assert_eq!(leases.heard(at(1), lease(4, 9)), Some(Change::StoodDown(lease(4, 9))));
+        assert_eq!(leases.heard_operator(at(1), lease(4, 9)), Some(Change::Taken(lease(4, 9))));
+        leases
+    }
+
+    #[test]
+    fn a_live_operators_lease_is_planned_under_and_a_silent_ones_is_replaced_after_five_seconds() {
+        let mut leases = under_operator();
+        for second in 1..60 {
+            assert_eq!(leases.heard_operator(at(second), lease(4, 9)), None);
+            assert_eq!(leases.tick(at(second)), None);
+        }
+        assert_eq!(first_change(&mut leases, 60, 99), Some((64, Change::Renewed(lease(5, 1)))));
+        assert_eq!(leases.heard_operator(at(65), lease(4, 9)), None, "it is too late");
+        assert_eq!(leases.own(), lease(5, 1));
+    }
+
+    #[test]
+    fn between_operators_nobody_stands_by_when_the_hello_comes_before_the_echo() {
+        let mut leases = under_operator();
+        assert_eq!(leases.heard_operator(at(2), lease(5, 8)), Some(Change::Renewed(lease(5, 8))));
+        assert_eq!(leases.heard(at(2), lease(5, 8)), None);
+        assert_eq!(leases.heard_operator(at(3), lease(4, 9)), None, "it is displaced");
+        assert_eq!((leases.holds(), leases.own()), (true, lease(5, 8)));
+    }
+
+    #[test]
+    fn of_two_grounds_under_one_operator_one_leads_and_the_other_follows_it() {
+        let (mut one, mut two) = (under_operator(), under_operator());
+        assert_eq!(one.heard_report(at(2), two.own()), None);
+        assert_eq!(two.heard_elder(at(2), one.own()), Some(Change::StoodDown(lease(4, 9))));
+        for second in 2..30 {
+            one.heard_operator(at(second), lease(4, 9));
+            two.heard_report(at(second), one.own());
+            assert_eq!((two.heard_operator(at(second), lease(4, 9)), two.tick(at(second))), (None, None));
+        }
+        let mut alone = two;
+        assert_eq!(first_change(&mut alone, 30, 99), Some((39, Change::Taken(lease(5, 1)))));
     }
 
     #[test]

@@ -15,6 +15,7 @@ use tomoswarm_proto::{Lease, OrderKind, Revision, RunId, Samples, TileReport, Ve
 use super::super::fleet::Dealings;
 use super::super::imager::{Picture, Subject};
 use super::leases::Leases;
+use super::runs::Runs;
 use super::{Out, Phase, Station, StationSettings, Sweep, Wished};
 use crate::sweep::Succession;
 use crate::time::Time;
@@ -50,6 +51,7 @@ pub(super) struct Brief {
     standing: Option<OrderKind>,
     closed: Vec<RunId>,
     last: Option<Sweep>,
+    runs: Runs,
     stalled: bool,
     disturbed: bool,
     pictures: u32,
@@ -109,6 +111,7 @@ impl Station {
         station.standing = brief.standing;
         station.closed = brief.closed.into_iter().collect();
         (station.last, station.stalled, station.disturbed) = (brief.last, brief.stalled, brief.disturbed);
+        station.runs = brief.runs;
         (station.pictures, station.due) = (brief.pictures, brief.due);
         samples.into_iter().for_each(|batch| {
             station.samples.take(&batch);
@@ -133,6 +136,7 @@ impl Station {
             standing: self.standing,
             closed: self.closed.iter().copied().collect(),
             last: self.last,
+            runs: self.runs.clone(),
             stalled: self.stalled,
             disturbed: self.disturbed,
             pictures: self.pictures,

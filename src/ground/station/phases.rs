@@ -3,7 +3,7 @@
 
 use std::time::Duration;
 
-use tomoswarm_proto::{OrderKind, RunId, StopId, VehicleId};
+use tomoswarm_proto::{OrderKind, RunEnd, RunId, StopId, VehicleId};
 
 use super::super::fleet::Member;
 use super::super::imager::{Job, Subject};
@@ -93,6 +93,7 @@ impl Station {
         let Some(sweep) = self.phase.sweep().copied().filter(|_| is_driven) else { return };
         if self.fleet.highest_run() > sweep.run {
             out.push(Out::Note(Note::Overtaken(sweep.run)));
+            self.runs.end(sweep.run, RunEnd::Stopped, "vehicles follow a higher run");
             self.last = Some(sweep);
             self.phase = Phase::Idle;
             return;
@@ -111,7 +112,8 @@ impl Station {
         let present = |(_, member): &(VehicleId, &Member)| !member.dealings.is_lost;
         let places = self.fleet.members().filter(present).filter_map(place).collect();
         let (run, revision, first_lap) = (sweep.run, succession.next_revision(), sweep.laps_done);
-        out.push(Out::Ask(Request { run, revision, places, first_lap }));
+        let task = self.runs.sweep(run);
+        out.push(Out::Ask(Request { run, revision, places, first_lap, task }));
         self.phase = Phase::Planning(Sweep { laps_before: sweep.laps_done, ..sweep });
         self.planned_at = now;
     }
@@ -130,6 +132,7 @@ impl Station {
         });
         match begun {
             Err(reason) => {
+                self.runs.end(sweep.run, RunEnd::Failed, reason.clone());
                 out.push(Out::Note(Note::NoPlan(reason)));
                 self.last = Some(sweep);
                 self.phase = Phase::Idle;
@@ -137,6 +140,7 @@ impl Station {
             Ok(stops) => {
                 let laps = answer.laps.len();
                 out.push(Out::Note(Note::Planned { run: sweep.run, laps, stops }));
+                out.push(Out::BeginRun { run: sweep.run, compared_with: sweep.empty });
                 self.phase = Phase::Running(sweep, answer.laps);
                 self.planned_at = now;
                 self.publish_plans(now, out);
@@ -203,6 +207,7 @@ impl Station {
         }
         self.stalled = false;
         out.push(Out::Note(Note::Stalled(sweep.run)));
+        self.runs.end(sweep.run, RunEnd::Failed, "no vehicle gets on");
         self.fleet.order_all(sweep.run, OrderKind::Hold);
         self.publish_orders(out);
         self.last = Some(sweep);
@@ -261,6 +266,7 @@ impl Station {
         let links = self.samples.links(sweep.run).len();
         let (run, samples, laps) = (sweep.run, self.samples.count(sweep.run), sweep.laps_done);
         out.push(Out::Note(Note::RunClosed { run, links, samples }));
+        out.push(Out::EndRun(run));
         let subjects = sweep.empty.map(|_| Subject::Change).into_iter().chain([Subject::Structure]);
         for subject in subjects {
             let due = (PictureName { run, laps, subject }, sweep.empty);
@@ -286,7 +292,17 @@ impl Station {
 
     pub(super) fn pictured(&mut self, made: PictureName) {
         self.pictures = self.pictures.saturating_add(1);
+        self.runs.imaged(made.run);
+        let was_due = self.due.len();
         self.due.retain(|(name, _)| *name != made);
+        if self.due.len() < was_due && !self.has_images_due(made.run) {
+            self.runs.end(made.run, RunEnd::Done, "");
+        }
+    }
+
+    /// Returns whether last images of a run are still to be made.
+    pub(super) fn has_images_due(&self, run: RunId) -> bool {
+        self.due.iter().any(|(name, _)| name.run == run)
     }
 
     /// Pictures that are due are asked for again after a restart, and when they do not come.

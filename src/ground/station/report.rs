@@ -33,8 +33,7 @@ impl Station {
             members: planned_for.map_or_else(|| self.fleet.present(), |known| known.members().to_vec()),
             lost: self.fleet.lost(),
             in_force: self.standing,
-            // Of each run only its samples are remembered here.
-            runs: Vec::new(),
+            runs: self.runs.reports(|run| self.samples.count(run)),
             troubles: self.troubles(),
         }))
     }
@@ -76,6 +75,7 @@ impl Station {
         say(self.strangers > 0, format!("{} messages of strangers were passed over", self.strangers));
         let refused = self.samples.refused();
         say(refused > 0, format!("{refused} samples were not stored, for want of room"));
+        troubles.extend(self.runs.trouble());
         troubles
     }
 }

@@ -15,6 +15,8 @@ use super::*;
 use crate::geom::{Lattice, Point, Rect};
 use crate::sweep::{Follower, Ring};
 
+mod operators;
+
 const RUN: RunId = RunId(2);
 const LEASE: Lease = Lease { number: 1, holder: 1 };
 
@@ -164,6 +166,8 @@ struct Swarm {
     disk: BTreeMap<(VehicleId, Boot, RunId, u64), Sample>,
     answers: Vec<In>,
     notes: Vec<Note>,
+    /// The runs that were begun, and what each is compared with.
+    begun: Vec<(RunId, Option<RunId>)>,
     jobs: Vec<Job>,
     reports: Vec<Report>,
     haves: Vec<Have>,
@@ -205,6 +209,7 @@ impl Swarm {
             disk: BTreeMap::new(),
             answers: Vec::new(),
             notes: Vec::new(),
+            begun: Vec::new(),
             jobs: Vec::new(),
             reports: Vec::new(),
             haves: Vec::new(),
@@ -241,6 +246,8 @@ impl Swarm {
                     self.jobs.push(job);
                 }
                 Out::Note(note) => self.notes.push(note),
+                Out::BeginRun { run, compared_with } => self.begun.push((run, compared_with)),
+                Out::EndRun(_) => {}
                 Out::Remember(memory) => {
                     self.remembered += 1;
                     let bytes = tomoswarm_proto::codec::pack(&*memory).unwrap();

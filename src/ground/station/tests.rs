@@ -90,6 +90,7 @@ fn next_note(station: &mut Station, within_s: f64) -> Option<Note> {
         let note = out.drain(..).find_map(|out| match out {
             Out::Note(note) => Some(note),
             Out::Publish(_) | Out::Ask(_) | Out::Reconstruct(_) | Out::Remember(_) => None,
+            Out::BeginRun { .. } | Out::EndRun(_) => None,
         });
         if note.is_some() {
             return note;

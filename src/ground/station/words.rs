@@ -49,6 +49,15 @@ pub enum Out {
     Reconstruct(Job),
     /// To log and operator.
     Note(Note),
+    /// A run is planned for: it begins, or goes on with new plans.
+    BeginRun {
+        /// Which run.
+        run: RunId,
+        /// The run that it is compared with.
+        compared_with: Option<RunId>,
+    },
+    /// A run is closed: everything is done, and all its samples are in.
+    EndRun(RunId),
     /// To be stored before anything that follows is published: what a station that is started anew needs.
     Remember(Box<Memory>),
 }

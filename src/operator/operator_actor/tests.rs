@@ -1,7 +1,7 @@
 //! The operator in virtual time, against vehicles that obey what is above their echo.
 
 use tomoswarm_proto::{
-    Boot, Lease, OperatorId, Order, OrderKind as Kind, Report, RunId, Sender, StationPhase,
+    Boot, Lease, OperatorId, Order, OrderKind as Kind, Report, RunId, Sender, StationPhase, Task,
 };
 
 use super::super::outcome::{Refusal, VehicleOutcome};
@@ -10,6 +10,8 @@ use super::super::status::Expected;
 use super::super::tests_support::{Rover, at, heard, report};
 use super::*;
 use crate::actor::ActorCell;
+
+mod runs;
 
 const OWN: u64 = 7;
 const TICK: Duration = Duration::from_millis(20);
@@ -54,6 +56,9 @@ struct World {
     report: Option<Report>,
     orders: Vec<(Time, Order)>,
     greetings: usize,
+    /// When it greeted, and the lease that it named.
+    hellos: Vec<(Time, Option<Lease>)>,
+    tasks: Vec<(Time, Task)>,
     said: Vec<Out>,
 }
 
@@ -62,7 +67,18 @@ impl World {
         let mut operator = ActorCell::new(Operator::new(settings(true)));
         operator.push(In::Linked(true));
         let now = Time::ZERO;
-        World { now, operator, rovers, report: None, orders: vec![], greetings: 0, said: vec![] }
+        let (hellos, tasks) = (vec![], vec![]);
+        World {
+            now,
+            operator,
+            rovers,
+            report: None,
+            orders: vec![],
+            greetings: 0,
+            hellos,
+            tasks,
+            said: vec![],
+        }
     }
 
     fn tell(&mut self, input: In) {
@@ -83,7 +99,11 @@ impl World {
                     self.rovers.iter_mut().for_each(|rover| rover.obey(&order));
                     self.orders.push((self.now, order));
                 }
-                Message::Hello(_) => self.greetings += 1,
+                Message::Hello(hello) => {
+                    self.greetings += 1;
+                    self.hellos.push((self.now, hello.lease));
+                }
+                Message::Task(task) => self.tasks.push((self.now, task)),
                 other => panic!("an operator does not say {other:?}"),
             }
         }

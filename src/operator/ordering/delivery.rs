@@ -2,6 +2,7 @@
 
 use std::time::Duration;
 
+use serde::{Deserialize, Serialize};
 use tomoswarm_proto::{Lease, Ordered, Revision};
 
 use crate::operator::outcome::VehicleOutcome;
@@ -11,7 +12,7 @@ use crate::time::Time;
 pub(super) const CONTEST: Duration = Duration::from_millis(2500);
 
 /// How far it is with one vehicle.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub(super) struct Delivery {
     /// The order that is sent to it.
     pub issued: Option<Issued>,
@@ -33,7 +34,7 @@ pub(super) struct Delivery {
 }
 
 /// By which right an order is sent.
-#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize)]
 pub(super) struct Issued {
     pub lease: Lease,
     pub revision: Revision,

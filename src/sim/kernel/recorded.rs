@@ -26,6 +26,7 @@ impl Kernel {
     pub(super) fn watch_actors(&mut self) {
         self.vehicles.iter_mut().for_each(VehicleNode::watch);
         self.ground.watch();
+        self.operators.iter_mut().for_each(|operator| operator.node.watch());
     }
 
     /// Hands out what the actors have done since the last time.
@@ -37,6 +38,9 @@ impl Kernel {
             hand_out(NodeId::Vehicle(vehicle.id()), vehicle.steps());
         }
         hand_out(NodeId::Ground, self.ground.steps());
+        for operator in &mut self.operators {
+            hand_out(NodeId::Operator(operator.id), operator.node.steps());
+        }
         if self.now < recording.next_at {
             return Ok(());
         }
@@ -52,6 +56,10 @@ impl Kernel {
         }
         let (node, snapshots) = (NodeId::Ground, self.ground.snapshots().map_err(unwritable)?);
         (recording.record)(Entry::Segment { node, now, snapshots });
+        for operator in &mut self.operators {
+            let snapshots = operator.node.snapshots().map_err(unwritable)?;
+            (recording.record)(Entry::Segment { node: NodeId::Operator(operator.id), now, snapshots });
+        }
         Ok(())
     }
 }

@@ -1,13 +1,14 @@
 //! How the kernel carries out the scenario's script: it takes steps and does what follows. When and why is
 //! the script's own business.
 
-use tomoswarm_proto::OrderKind;
+use tomoswarm_proto::{OrderKind, RunId};
 
 use super::{Event, Kernel};
 use crate::actor::Fault;
 use crate::ground::station::Wish;
 use crate::ground::{self, imager};
 use crate::sim::script::{Act, Next, Step};
+use crate::sim::shadow::Deed;
 
 impl Kernel {
     pub(super) fn picture(&mut self, picture: imager::Picture) {
@@ -22,6 +23,7 @@ impl Kernel {
         }
         let (act, next) = self.script.step(step);
         self.follow(next);
+        self.script_deeds.extend(deed(&act));
         match act {
             Act::Sweep { run, empty } => {
                 self.log("scenario", format_args!("sweep {run} is wished"));
@@ -50,6 +52,12 @@ impl Kernel {
 
     /// Does what follows by the script.
     pub(super) fn follow(&mut self, next: Next) {
+        let ends = match next {
+            Next::End => Some(Deed::Ends),
+            Next::Fail(_) => Some(Deed::GivesUp),
+            Next::Nothing | Next::Step(..) => None,
+        };
+        self.script_deeds.extend(ends.filter(|_| self.ended.is_none()));
         match next {
             Next::Nothing => {}
             Next::Step(after, step) => self.queue.push(self.now + after, Event::Script(step)),
@@ -59,5 +67,16 @@ impl Kernel {
                 self.end();
             }
         }
+    }
+}
+
+/// Returns what a script does in an act, to be compared with what an operator would do.
+fn deed(act: &Act) -> Option<Deed> {
+    match act {
+        Act::Sweep { run, .. } => Some(Deed::Start(*run)),
+        Act::Start => Some(Deed::Start(RunId::default())),
+        Act::Enter(_) => Some(Deed::PersonsEnter),
+        Act::ReturnHome => Some(Deed::Return),
+        Act::Fail(_) => None,
     }
 }

@@ -1,9 +1,17 @@
 //! What the kernel makes of what happens in the environment, in one small place: vehicle 1 faces a wall 1.5 m ahead,
 //! vehicle 2 has free space ahead. Nobody sees anything, and nobody is ordered to move: the tests drive.
 
+use std::collections::BTreeSet;
+
+use tomoswarm_proto::{OperatorId, OrderKind};
+
 use super::*;
 use crate::config;
 use crate::geom::Point;
+use crate::operator::operator_actor::OperatorSettings;
+use crate::operator::script as operator_script;
+use crate::operator::script::Condition;
+use crate::operator::want::Want;
 use crate::sim::Scenario;
 
 const SIM: &str = "kind = \"sim\"\nvenue = \"venue.toml\"\nscene = \"scene.toml\"\nuntil_s = 12.0
@@ -45,7 +53,7 @@ fn a_contact_ends_the_run_unless_the_scenario_says_otherwise() {
         scenario.ends_at_contact = ends_at_contact;
         let mut kernel = Kernel::new(scenario.parts().unwrap());
         drive(&mut kernel, 0, Point::new(3.0, 5.0));
-        run(&mut kernel, 1e9);
+        run(&mut kernel, 3.5);
         assert_eq!(kernel.ended.is_some(), ends_at_contact);
         assert!(kernel.record.failure.as_ref().is_some_and(|why| why.contains("touched the scene")));
         let wreck = kernel.environment.world().truth(0, kernel.now);
@@ -67,4 +75,58 @@ fn a_rover_whose_software_has_died_stops_two_seconds_later() {
     let y_m = kernel.environment.world().truth(1, kernel.now).at.y_m;
     // Its last word was a beacon of the second before.
     assert!((-0.6..=1.0).contains(&y_m), "{y_m}");
+}
+
+/// An operator of this number, and what it does; without steps it only looks.
+fn operator(scenario: &Scenario, number: u8, steps: Vec<operator_script::Step>) -> SimulatedOperator {
+    let (id, greets) = (OperatorId(number), !steps.is_empty());
+    let settings = crate::sim::operator_script::settings(scenario.sim(), id, u64::from(number) + 7);
+    SimulatedOperator::new(id, OperatorSettings { greets, ..settings }, Part::Plays, steps)
+}
+
+fn want(kind: OrderKind, take_over: bool) -> operator_script::Step {
+    let (vehicles, within) = (BTreeSet::new(), Duration::from_secs(60));
+    operator_script::Step::Want(Want { kind, vehicles, run: None, begins: false, take_over, within })
+}
+
+#[test]
+fn who_only_looks_changes_no_byte_of_the_run() {
+    let scenario = scenario("");
+    let log = |viewers: u8| {
+        let mut parts = scenario.parts().unwrap();
+        parts.operators.extend((0..viewers).map(|number| operator(&scenario, number, Vec::new())));
+        let mut kernel = Kernel::new(parts);
+        run(&mut kernel, 3.5);
+        let seen: Vec<usize> = kernel.operators.iter().map(vehicles_seen).collect();
+        let (record, .., bus, end, _) = kernel.into_parts();
+        let said = bus.sent_by_kind().keys().filter(|node| matches!(node, NodeId::Operator(_))).count();
+        (seen, (record.log.text().to_owned(), record.counts, end, said))
+    };
+    let (alone, watched) = (log(0), log(2));
+    assert_eq!(watched.0, [2, 2], "they have heard every vehicle");
+    assert!(alone.1 == watched.1);
+}
+
+fn vehicles_seen(operator: &SimulatedOperator) -> usize {
+    operator.node.actors().operator.place.actor().view().vehicles().count()
+}
+
+#[test]
+fn an_operator_on_the_simulated_bus_takes_over_and_is_obeyed() {
+    let scenario = scenario("");
+    let heard =
+        Condition::Heard(crate::operator::status::Expected { vehicles: BTreeSet::new(), ground: true });
+    let wait = |until| operator_script::Step::Wait { until, within: Duration::from_secs(5) };
+    let steps = vec![wait(heard), want(OrderKind::Hold, true), wait(Condition::InForce)];
+    let mut parts = scenario.parts().unwrap();
+    parts.operators.push(operator(&scenario, 3, steps));
+    let mut kernel = Kernel::new(parts);
+    run(&mut kernel, 3.5);
+    let operator = &kernel.operators[0];
+    assert_eq!(operator.ended, Some(operator_script::ScriptEnd::Done), "State shows the order");
+    let view = operator.node.actors().operator.place.actor().view();
+    let lease = view.lease(kernel.now);
+    assert_eq!((lease.number, lease.holder), (2, 10));
+    let report = view.ground(kernel.now).expect("the ground station is heard");
+    assert_eq!(report.value.lease, lease, "the ground station plans under it");
 }

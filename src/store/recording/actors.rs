@@ -9,6 +9,7 @@ use super::message::{self, MessageError};
 use crate::actor::{Actor, ActorStep, Fill, Names, NodeActor, Wire, Wiring, again};
 use crate::ground::GroundWiring;
 use crate::node::VehicleWiring;
+use crate::operator::wiring::OperatorWiring;
 use crate::time::Time;
 
 /// What one step came out as; `None` when as recorded.
@@ -36,11 +37,12 @@ pub(super) fn json(node: &str, step: &ActorStep) -> Result<String, MessageError>
 /// Shows every actor of a node to `fill`; none, when there is no such kind of node.
 fn every_actor<F>(node: &str, fill: &mut F)
 where
-    F: Fill<VehicleWiring, Names> + Fill<GroundWiring, Names>,
+    F: Fill<VehicleWiring, Names> + Fill<GroundWiring, Names> + Fill<OperatorWiring, Names>,
 {
     match node.split('/').next() {
         Some(VehicleWiring::KIND) => drop(VehicleWiring::fill(fill)),
         Some(GroundWiring::KIND) => drop(GroundWiring::fill(fill)),
+        Some(OperatorWiring::KIND) => drop(OperatorWiring::fill(fill)),
         Some(_) | None => {}
     }
 }

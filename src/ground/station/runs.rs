@@ -1,0 +1,191 @@
+//! What became of the last runs: what each was for, which one it is compared with, and how it ended. A run is known from
+//! the task that an operator gives, or from the start that begins it; it is [`RunEnd::Done`] when its last images are made,
+//! and not before. This counts and remembers; it begins and ends nothing.
+//!
+//! ```text
+//!   task, or begun ─► open ─every last image is made─► Done
+//!                      └──no plans, nobody gets on─► Failed      └─another run begins, or is followed─► Stopped
+//! ```
+
+use std::collections::BTreeMap;
+
+use serde::{Deserialize, Serialize};
+use tomoswarm_proto::{MissionKind, RunEnd, RunId, RunReport, Task};
+
+use super::super::planner::SweepTask;
+
+/// So many runs are remembered; the newest ones stay.
+const RUNS_MAX: usize = 16;
+/// A trouble has so many bytes at most on the wire.
+const TROUBLE_BYTES_MAX: usize = 200;
+
+/// The last runs.
+#[derive(Clone, PartialEq, Debug, Default, Serialize, Deserialize)]
+pub(super) struct Runs(BTreeMap<RunId, Run>);
+
+/// One of them.
+#[derive(Clone, PartialEq, Debug, Default, Serialize, Deserialize)]
+struct Run {
+    kind: MissionKind,
+    compared_with: Option<RunId>,
+    /// How the operator wants it to be swept; `None` = as the ground station's file says.
+    sweep: Option<SweepTask>,
+    /// Whether an operator has given it as a task; then that says which run it is compared with.
+    is_task: bool,
+    end: Option<RunEnd>,
+    /// Why it ended so, in words.
+    why: String,
+    images: u32,
+}
+
+impl Runs {
+    /// Takes what an operator wants a run to be; one that has ended stays what it was.
+    pub fn take(&mut self, task: &Task) {
+        let run = self.0.entry(task.run).or_default();
+        if run.end.is_none() {
+            (run.kind, run.compared_with) = (MissionKind::from(&task.kind), task.compare_with);
+            (run.sweep, run.is_task) = (SweepTask::of(&task.kind), true);
+        }
+        self.forget();
+    }
+
+    /// Opens a run that is begun, once more if it has ended before. What was open before it is stopped, unless `goes_on`.
+    pub fn open(&mut self, run: RunId, compared_with: Option<RunId>, goes_on: impl Fn(RunId) -> bool) {
+        let earlier = self.0.range_mut(..run).filter(|(_, known)| known.end.is_none());
+        for (_, known) in earlier.filter(|(earlier, _)| !goes_on(**earlier)) {
+            known.end = Some(RunEnd::Stopped);
+        }
+        let known = self.0.entry(run).or_default();
+        known.compared_with = compared_with;
+        (known.end, known.why) = (None, String::new());
+        self.forget();
+    }
+
+    /// Ends a run; `why` may be empty.
+    pub fn end(&mut self, run: RunId, end: RunEnd, why: impl Into<String>) {
+        if let Some(known) = self.0.get_mut(&run) {
+            (known.end, known.why) = (Some(end), why.into());
+        }
+    }
+
+    /// Takes up a run of before this station had a memory.
+    pub fn recall(&mut self, run: RunId, end: RunEnd) {
+        self.0.entry(run).or_insert(Run { end: Some(end), ..Run::default() });
+        self.forget();
+    }
+
+    /// Counts an image of a run.
+    pub fn imaged(&mut self, run: RunId) {
+        if let Some(known) = self.0.get_mut(&run) {
+            known.images = known.images.saturating_add(1);
+        }
+    }
+
+    /// Returns whether the ground station plans a run; of one that nobody has given as a task it does.
+    pub fn is_swept(&self, run: RunId) -> bool {
+        self.0.get(&run).is_none_or(|known| known.kind == MissionKind::Sweep)
+    }
+
+    /// Returns the run that the task of a run compares it with; `None` = it has no task.
+    pub fn task_compares_with(&self, run: RunId) -> Option<Option<RunId>> {
+        self.0.get(&run).filter(|known| known.is_task).map(|known| known.compared_with)
+    }
+
+    /// Returns how an operator wants a run to be swept; `None` = as the ground station's file says.
+    pub fn sweep(&self, run: RunId) -> Option<SweepTask> {
+        self.0.get(&run)?.sweep
+    }
+
+    /// Returns what there is to say of each run, ascending; `samples` counts those of a run.
+    pub fn reports(&self, samples: impl Fn(RunId) -> u64) -> Vec<RunReport> {
+        let report = |(run, known): (&RunId, &Run)| RunReport {
+            run: *run,
+            kind: known.kind,
+            compared_with: known.compared_with,
+            end: known.end,
+            samples: samples(*run),
+            images: known.images,
+        };
+        self.0.iter().map(report).collect()
+    }
+
+    /// Says why the newest run did not come to its end, if it did not.
+    pub fn trouble(&self) -> Option<String> {
+        let (run, known) = self.0.last_key_value()?;
+        let how = match known.end.filter(|_| !known.why.is_empty())? {
+            RunEnd::Done => return None,
+            RunEnd::Stopped => "was given up",
+            RunEnd::Failed => "has failed",
+        };
+        let mut words = format!("run {run} {how}: {}", known.why);
+        let end = (0..=TROUBLE_BYTES_MAX.min(words.len())).rev().find(|end| words.is_char_boundary(*end));
+        words.truncate(end.unwrap_or(0));
+        Some(words)
+    }
+
+    fn forget(&mut self) {
+        while self.0.len() > RUNS_MAX {
+            self.0.pop_first();
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use tomoswarm_proto::{Lease, TaskKind, VehicleId};
+
+    fn task(run: u32, kind: TaskKind) -> Task {
+        let (lease, members) = (Lease::default(), vec![VehicleId(1)]);
+        Task { lease, run: RunId(run), members, compare_with: Some(RunId(1)), kind }
+    }
+
+    fn ends(runs: &Runs) -> Vec<(u32, Option<RunEnd>)> {
+        runs.reports(|_| 0).iter().map(|report| (report.run.0, report.end)).collect()
+    }
+
+    #[test]
+    fn a_run_is_stopped_when_another_begins_unless_its_images_are_still_being_made() {
+        for (goes_on, end) in [(false, Some(RunEnd::Stopped)), (true, None)] {
+            let mut runs = Runs::default();
+            runs.open(RunId(1), None, |_| false);
+            runs.open(RunId(2), Some(RunId(1)), |_| goes_on);
+            assert_eq!(ends(&runs), [(1, end), (2, None)]);
+        }
+    }
+
+    #[test]
+    fn the_newest_sixteen_are_remembered() {
+        let mut runs = Runs::default();
+        for run in 1..=20 {
+            runs.open(RunId(run), None, |_| false);
+        }
+        assert_eq!(ends(&runs).first(), Some(&(5, Some(RunEnd::Stopped))));
+        assert_eq!(ends(&runs).len(), 16);
+    }
+
+    #[test]
+    fn a_task_says_what_a_run_is_for_until_it_has_ended() {
+        let mut runs = Runs::default();
+        assert!(runs.is_swept(RunId(2)), "nobody has said otherwise");
+        runs.take(&task(2, TaskKind::Explore));
+        assert!(!runs.is_swept(RunId(2)));
+        assert_eq!(runs.task_compares_with(RunId(2)), Some(Some(RunId(1))));
+        runs.end(RunId(2), RunEnd::Done, "");
+        runs.take(&Task { compare_with: None, ..task(2, TaskKind::Browse) });
+        let report = runs.reports(|run| u64::from(run.0))[0];
+        assert_eq!((report.kind, report.compared_with), (MissionKind::Explore, Some(RunId(1))));
+        assert_eq!((report.samples, report.end), (2, Some(RunEnd::Done)));
+    }
+
+    #[test]
+    fn why_the_newest_run_failed_is_said_in_words_that_can_travel() {
+        let mut runs = Runs::default();
+        runs.open(RunId(1), None, |_| false);
+        runs.end(RunId(1), RunEnd::Failed, "ä".repeat(300));
+        let words = runs.trouble().unwrap();
+        assert!(words.starts_with("run 1 has failed: ä") && (199..=200).contains(&words.len()), "{words}");
+        runs.open(RunId(2), None, |_| false);
+        assert_eq!(runs.trouble(), None, "another one has begun");
+    }
+}

@@ -1,0 +1,178 @@
+//! What operators say to the station, and what it tells them: tasks, leases, and how runs ended.
+
+use tomoswarm_proto::{Hello, MissionKind, OperatorId, RunReport, SweepPlanner, Task, TaskKind};
+
+use super::*;
+
+fn lease(number: u32, holder: u64) -> Lease {
+    Lease { number, holder }
+}
+
+fn task(run: RunId, compare_with: Option<RunId>, kind: TaskKind) -> In {
+    let members = (1..=3).map(VehicleId).collect();
+    In::Bus(Message::Task(Task { lease: LEASE, run, members, compare_with, kind }))
+}
+
+fn one_lap() -> TaskKind {
+    TaskKind::Sweep {
+        planner: SweepPlanner::RotatingGap,
+        positions: 16,
+        laps: Some(1),
+        dwell_ms: 0,
+        dwell_limit_ms: 0,
+    }
+}
+
+/// An operator that greets and says to hold a lease.
+fn hello(operator: u8, held: Lease) -> In {
+    In::Bus(Message::Hello(Hello {
+        node: Sender::Operator(OperatorId(operator)),
+        boot: Boot(1),
+        venue_hash: 5,
+        instance: held.holder,
+        is_member: true,
+        member_for_s: 1,
+        name: String::new(),
+        software: String::new(),
+        capabilities: Vec::new(),
+        lease: Some(held),
+        interest: Vec::new(),
+    }))
+}
+
+/// Orders everyone to go on, by a lease that nobody has heard of before.
+fn take_over(swarm: &mut Swarm, lease: Lease) {
+    for rover in &mut swarm.rovers {
+        let (run, revision, kind) = (RUN, Revision(1), OrderKind::Start);
+        rover.obey(&Order { vehicle: rover.id, lease, run, revision, seen: None, kind, ends: vec![] });
+    }
+}
+
+fn run(swarm: &Swarm, run: RunId) -> RunReport {
+    *swarm.report().runs.iter().find(|report| report.run == run).expect("the run is reported")
+}
+
+#[test]
+fn a_task_says_what_a_run_is_compared_with_whether_it_comes_before_the_start_or_after() {
+    let settings = StationSettings { compare_with: Some(RunId(1)), ..settings(3) };
+    for (is_before, compare_with) in [(true, None), (false, None), (true, Some(RunId(7)))] {
+        let mut swarm = Swarm::new(3, settings.clone());
+        swarm.seconds(3);
+        if is_before {
+            swarm.tell(task(RUN, compare_with, one_lap()), usize::MAX);
+        }
+        order(&mut swarm, RUN, OrderKind::Start);
+        swarm.second(usize::MAX);
+        if !is_before {
+            assert_eq!(run(&swarm, RUN).compared_with, Some(RunId(1)), "as the file says");
+            swarm.tell(task(RUN, compare_with, one_lap()), usize::MAX);
+        }
+        assert!(swarm.is_closed(400), "{:?}", swarm.notes);
+        swarm.seconds(3);
+        assert_eq!(swarm.begun, [(RUN, compare_with)]);
+        assert_eq!(run(&swarm, RUN).compared_with, compare_with);
+        assert_eq!(swarm.laps(), 1, "it is swept as the task says");
+    }
+}
+
+#[test]
+fn a_task_that_is_no_sweep_is_left_to_the_vehicles() {
+    for is_before in [true, false] {
+        let mut swarm = Swarm::new(3, settings(3));
+        swarm.seconds(3);
+        let explore = task(RUN, None, TaskKind::Explore);
+        if is_before {
+            swarm.tell(explore.clone(), usize::MAX);
+        }
+        order(&mut swarm, RUN, OrderKind::Start);
+        swarm.second(usize::MAX);
+        swarm.tell(explore, usize::MAX);
+        swarm.seconds(60);
+        assert_eq!((swarm.report().phase, &swarm.begun[..]), (StationPhase::Idle, &[][..]));
+        assert_eq!(run(&swarm, RUN).end, None);
+    }
+}
+
+#[test]
+fn a_run_is_done_when_its_last_images_are_made_and_not_before() {
+    let mut swarm = Swarm::sweeping(3);
+    swarm.seconds(3);
+    let reported = run(&swarm, RUN);
+    assert_eq!((reported.kind, reported.end), (MissionKind::Sweep, None));
+    assert!(swarm.is_closed(400), "{:?}", swarm.notes);
+    let images = std::mem::take(&mut swarm.answers);
+    swarm.seconds(5);
+    assert_eq!((swarm.report().phase, run(&swarm, RUN).end), (StationPhase::Idle, None));
+    swarm.answers = images;
+    swarm.seconds(2);
+    let (reported, samples) = (run(&swarm, RUN), swarm.measured() as u64);
+    assert_eq!((reported.end, reported.images, reported.samples), (Some(RunEnd::Done), 1, samples));
+    assert_eq!(swarm.report().expected, [1, 2, 3].map(VehicleId));
+    let bytes = swarm.memory.clone().expect("something was remembered");
+    let again = Station::resume(settings(3), bytes, [], []);
+    assert_eq!(again.runs, swarm.station.runs, "it is remembered");
+}
+
+#[test]
+fn a_run_that_cannot_be_planned_has_failed_and_its_reason_is_a_trouble() {
+    let mut swarm = Swarm::new(3, settings(3));
+    swarm.seconds(3);
+    let TaskKind::Sweep { planner, laps, dwell_ms, dwell_limit_ms, .. } = one_lap() else { unreachable!() };
+    let impossible = TaskKind::Sweep { planner, positions: 9, laps, dwell_ms, dwell_limit_ms };
+    swarm.tell(task(RUN, None, impossible), usize::MAX);
+    order(&mut swarm, RUN, OrderKind::Start);
+    assert!(swarm.until(60, |note| matches!(note, Note::NoPlan(_))), "{:?}", swarm.notes);
+    swarm.seconds(2);
+    assert_eq!(run(&swarm, RUN).end, Some(RunEnd::Failed));
+    let troubles = &swarm.report().troubles;
+    assert!(troubles.iter().any(|words| words.starts_with("run 2 has failed: ")), "{troubles:?}");
+}
+
+#[test]
+fn a_take_over_between_operators_does_not_kill_the_sweep() {
+    let mut undisturbed = Swarm::sweeping(3);
+    assert!(undisturbed.is_closed(400), "{:?}", undisturbed.notes);
+    let mut swarm = Swarm::sweeping(3);
+    swarm.seconds(15);
+    for (operator, held) in [(1, lease(2, 77)), (2, lease(3, 66))] {
+        // The echo of its orders comes before its greeting.
+        take_over(&mut swarm, held);
+        for _ in 0..10 {
+            swarm.second(usize::MAX);
+            swarm.tell(hello(operator, held), usize::MAX);
+        }
+        assert_eq!((swarm.report().lease, swarm.report().phase), (held, StationPhase::Running));
+        assert!(swarm.rovers.iter().all(|rover| rover.ordered.lease == held), "nobody else has ordered");
+    }
+    assert!(swarm.is_closed(400), "{:?}", swarm.notes);
+    assert_eq!(swarm.count(|note| matches!(note, Note::Replans(_))), 0);
+    assert!(swarm.now_s <= undisturbed.now_s + 2, "{} s, {} s", swarm.now_s, undisturbed.now_s);
+    assert_eq!(swarm.report().lease, lease(4, 1), "no operator lives: the ground holds a lease of its own");
+}
+
+#[test]
+fn of_two_grounds_under_one_operator_one_plans_and_the_other_takes_over_when_it_is_gone() {
+    let new = |store, holder| Station::new(StationSettings { store, holder, lease: None, ..settings(3) });
+    let mut grounds = [new(7, 1), new(8, 2)];
+    let (held, mut leading) = (lease(5, 77), Vec::new());
+    for second in 0..40 {
+        let now = Time::ZERO + Duration::from_secs(second);
+        let mut out: [Vec<Out>; 2] = Default::default();
+        for (ground, out) in grounds.iter_mut().zip(&mut out) {
+            ground.handle(now, hello(1, held), out).unwrap();
+            ground.wake(now, out).unwrap();
+        }
+        // The first one dies after 20 s.
+        for (from, to) in [(0, 1), (1, 0)].into_iter().filter(|(from, _)| *from == 1 || second < 20) {
+            for said in &out[from] {
+                if let Out::Publish(report @ Message::Report(_)) = said {
+                    grounds[to].handle(now, In::Bus(report.clone()), &mut Vec::new()).unwrap();
+                }
+            }
+        }
+        leading.push((second, grounds.each_ref().map(|ground| ground.leases.holds())));
+        assert!(grounds.iter().all(|ground| !ground.leases.holds() || ground.leases.own() == held));
+    }
+    assert!(leading[5..20].iter().all(|(_, holds)| *holds == [true, false]), "{leading:?}");
+    assert!(leading[32..].iter().all(|(_, holds)| holds[1]), "{leading:?}");
+}

@@ -1,0 +1,156 @@
+//! A scenario as its operator follows it: when sweeps are given and started, when the persons enter, when everybody is
+//! sent home. It knows the simulation's file and nothing of how a run goes; whatever it waits for it sees on the bus.
+//!
+//! ```text
+//!   2 s ─► task 1, start 1 ─► driven ─2 s─► persons enter ─2 s─► task 2, start 2 ─► done ─┐
+//!     ├──► (no empty sweep) ──────────────────────────────────► task 2, start 2 ─► done ─┼─► stay, or return ─► home
+//!     └──► (own missions) ────────────────────────────────────► start ─► all have ended ─┘
+//! ```
+
+use std::collections::BTreeSet;
+use std::time::Duration;
+
+use tomoswarm_proto::{
+    Boot, Hello, Interest, OperatorId, OrderKind, RunId, Sender, SweepPlanner, TaskKind, VehicleId,
+};
+
+use super::script::{EMPTY_RUN, RUN};
+use crate::config::{End, Expect, Planner, Sim, Sweep};
+use crate::operator::given_tasks::TaskWish;
+use crate::operator::operator_actor::OperatorSettings;
+use crate::operator::script::{Condition, Present, Step};
+use crate::operator::want::Want;
+
+/// What the environment is asked for when the persons shall walk in.
+pub const PERSONS_ENTER: &str = "persons enter";
+/// The operator of a scenario.
+pub const SCENARIO_OPERATOR: OperatorId = OperatorId(0);
+
+/// Everybody is heard before anything is given.
+const BEGIN_AT: Duration = Duration::from_secs(2);
+/// Between two sweeps people need this long to walk in, and so has what moves to come to rest.
+const ENTER_TAKES: Duration = Duration::from_secs(2);
+/// After the last image nothing is waited for any longer than this.
+const HOME_WITHIN: Duration = Duration::from_secs(900);
+
+/// Returns who the operator of a simulation is; `holder` is its id as the holder of a lease.
+pub(super) fn settings(sim: &Sim, id: OperatorId, holder: u64) -> OperatorSettings {
+    OperatorSettings {
+        hello: Hello {
+            node: Sender::Operator(id),
+            boot: Boot(1),
+            venue_hash: sim.venue.hash(),
+            instance: holder,
+            is_member: true,
+            member_for_s: 0,
+            name: String::new(),
+            software: String::new(),
+            capabilities: Vec::new(),
+            lease: None,
+            interest: vec![Interest::Fleet],
+        },
+        greets: true,
+        holder,
+        expected: sim.vehicle_ids().collect(),
+        possible: BTreeSet::new(),
+    }
+}
+
+/// Returns what the operator of a simulation does.
+pub(super) fn steps(sim: &Sim) -> Vec<Step> {
+    let scenario = ScenarioScript { sim };
+    let mut steps = vec![Step::Delay(BEGIN_AT)];
+    match sim.task.is_planned_by_ground() {
+        true => scenario.sweeps(&mut steps),
+        false => steps.extend([scenario.want(OrderKind::Start, None), scenario.wait_for_missions()]),
+    }
+    if sim.expect == Expect::Home {
+        steps.push(Step::EndIf(scenario.home()));
+    }
+    match sim.end {
+        End::Hold => {}
+        End::Return => steps.extend([
+            scenario.want(OrderKind::Return, None),
+            Step::Wait { until: scenario.home(), within: HOME_WITHIN },
+        ]),
+    }
+    steps
+}
+
+struct ScenarioScript<'a> {
+    sim: &'a Sim,
+}
+
+impl ScenarioScript<'_> {
+    fn sweeps(&self, steps: &mut Vec<Step>) {
+        let compare_with = self.sim.empty_sweep.then_some(EMPTY_RUN);
+        if self.sim.empty_sweep {
+            let name = PERSONS_ENTER.to_owned();
+            steps.extend([
+                self.task(EMPTY_RUN, None),
+                self.want(OrderKind::Start, Some(EMPTY_RUN)),
+                self.wait(Condition::Driven(EMPTY_RUN)),
+                Step::Delay(ENTER_TAKES),
+                Step::Cue { name, within: ENTER_TAKES },
+                Step::Delay(ENTER_TAKES),
+            ]);
+        }
+        steps.extend([
+            self.task(RUN, compare_with),
+            self.want(OrderKind::Start, Some(RUN)),
+            self.wait(Condition::Done(RUN)),
+        ]);
+    }
+
+    fn wait_for_missions(&self) -> Step {
+        self.wait(Condition::MissionsEnded(self.present()))
+    }
+
+    /// Waits as long as the simulation lasts. Where something else is expected of the vehicles a sweep need not end, and
+    /// they may come home by themselves.
+    fn wait(&self, shown: Condition) -> Step {
+        let until = match self.sim.expect {
+            Expect::Finished => shown,
+            Expect::Home | Expect::Held => Condition::Any(vec![shown, self.home()]),
+        };
+        Step::Wait { until, within: self.sim.until() }
+    }
+
+    fn home(&self) -> Condition {
+        Condition::Home(self.present())
+    }
+
+    fn present(&self) -> Present {
+        Present { vehicles: self.sim.vehicle_ids().collect(), lost_after: self.sim.venue.swarm.lost_after() }
+    }
+
+    fn task(&self, run: RunId, compare_with: Option<RunId>) -> Step {
+        let members: Vec<VehicleId> = self.sim.vehicle_ids().collect();
+        Step::Task(TaskWish { run, members, compare_with, kind: sweep_task(&self.sim.sweep) })
+    }
+
+    fn want(&self, kind: OrderKind, run: Option<RunId>) -> Step {
+        let within = self.sim.until();
+        let vehicles = BTreeSet::new();
+        Step::Want(Want { kind, vehicles, run, begins: false, take_over: false, within })
+    }
+}
+
+/// Returns the task of a sweep as its file says it.
+fn sweep_task(sweep: &Sweep) -> TaskKind {
+    let milliseconds = |span: Duration| u32::try_from(span.as_millis()).unwrap_or(u32::MAX);
+    let count = |number: usize| u16::try_from(number).unwrap_or(u16::MAX);
+    TaskKind::Sweep {
+        planner: match sweep.planner {
+            Planner::RotatingGap => SweepPlanner::RotatingGap,
+            Planner::Fan => SweepPlanner::Fan,
+            Planner::Calibrate => SweepPlanner::Calibrate,
+            Planner::FanCorners => SweepPlanner::FanCorners,
+            Planner::FanStraight => SweepPlanner::FanStraight,
+        },
+        positions: count(sweep.positions),
+        laps: sweep.laps.map(count),
+        dwell_ms: milliseconds(sweep.dwell()),
+        dwell_limit_ms: milliseconds(sweep.dwell_limit()).max(milliseconds(sweep.dwell())),
+    }
+}
