@@ -6,7 +6,8 @@ use std::time::Duration;
 
 use serde::Serialize;
 use tomoswarm_proto::{
-    BEACON_MEMBERS_MAX, FailsafeAction, Failsafes, Health, Hello, Lease, Mode, PoseReport, Report, StationPhase, VehicleId,
+    BEACON_MEMBERS_MAX, FailsafeAction, Failsafes, Health, Hello, Lease, Mode, PoseReport, Report,
+    StationPhase, VehicleId,
 };
 
 use super::fleet_view::{FleetView, GROUND_LIVES, VehicleView};
