@@ -23,6 +23,8 @@ fn further(swarm: &Swarm) -> String {
 fn of_two_grounds_the_second_stands_by_and_ends_the_run_when_the_first_dies() {
     let mut swarm = two();
     swarm.begin();
+    // The operator who began it may hold the lease: the ground plans under that as long as the operator lives.
+    std::thread::sleep(Duration::from_secs(8));
     let first = swarm.look(|watch| watch.report());
     swarm.write("ground-b.toml", &swarm.ground_text("state-b", &further(&swarm)));
     swarm.spawn("ground-b", &["ground", "ground-b.toml"]);
