@@ -1,6 +1,6 @@
 //! What the ground's process says and stores, also when its disk is in trouble.
 
-use tomoswarm_proto::{Plan, Revision, Sample, Samples};
+use tomoswarm_proto::{Plan, Revision, RunId, Sample, Samples};
 
 use super::*;
 
