@@ -6,7 +6,7 @@
 //! known one. (A serde twin with `deny_unknown_fields` would stop at its first mistake.) Units are in
 //! the key names; what is left out has a default.
 //!
-//! A key is declared once, where its value lives ([`keys`]): reading it, writing it ([`written`]) and its line in
+//! A key is declared once, where its value lives (`keys`): reading it, writing it ([`written`]) and its line in
 //! `configs/README.md` ([`key_tables`]) come from there.
 //!
 //! This module opens no files and reads no environment: content is passed in, and a simulation's
