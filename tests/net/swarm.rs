@@ -515,20 +515,27 @@ impl Swarm {
         self.check_samples("state-g", RunId(1));
     }
 
+    /// Ends the vehicles and then the grounds, which store what the vehicles have said last.
     pub fn end_in_order(&mut self) {
-        let is_node = |name: &&String| name.starts_with("vehicle") || name.starts_with("ground");
-        let names: Vec<String> = self.processes.keys().filter(is_node).cloned().collect();
-        for name in &names {
-            let node = &self.processes[name];
-            if node.child.is_some() {
-                node.signal(Signal::TERM);
+        for kind in ["vehicle", "ground"] {
+            let is_kind = |name: &&String| name.starts_with(kind);
+            let names: Vec<String> = self.processes.keys().filter(is_kind).cloned().collect();
+            for name in &names {
+                let node = &self.processes[name];
+                if node.child.is_some() {
+                    node.signal(Signal::TERM);
+                }
             }
-        }
-        for name in &names {
-            let node = self.processes.get_mut(name).unwrap();
-            if node.child.is_some() {
-                let status = node.ends_within(Duration::from_secs(15));
-                assert_eq!(status.and_then(|status| status.code()), Some(0), "{name} does not end in order");
+            for name in &names {
+                let node = self.processes.get_mut(name).unwrap();
+                if node.child.is_some() {
+                    let status = node.ends_within(Duration::from_secs(15));
+                    assert_eq!(
+                        status.and_then(|status| status.code()),
+                        Some(0),
+                        "{name} does not end in order"
+                    );
+                }
             }
         }
     }
