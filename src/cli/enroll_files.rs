@@ -32,7 +32,7 @@ pub fn file_name(node: Sender) -> &'static str {
     }
 }
 
-/// Gives the key of a ground station's configuration that lists its vehicles.
+/// Returns the key of a ground station's configuration that lists its vehicles.
 pub fn vehicles_line(vehicles: &[VehicleId]) -> String {
     let ids: Vec<String> = vehicles.iter().map(ToString::to_string).collect();
     format!("vehicles = [{}]", ids.join(", "))

@@ -27,7 +27,7 @@ pub fn text(nodes: &[Node], columns: Option<usize>) -> String {
     format!("{}{verdict}\n", table(&["node", "check", "", "found"], &rows, columns))
 }
 
-/// Gives the checks as one object.
+/// Returns the checks as one object.
 pub fn json(nodes: &[Node]) -> Value {
     json!({"go": is_go(nodes), "nodes": nodes})
 }

@@ -104,7 +104,7 @@ fn ground_lines(report: &Fresh<Report>, now: Time) -> String {
     )
 }
 
-/// Gives the fleet as one object.
+/// Returns the fleet as one object.
 pub fn json(view: &FleetView, expected: &Expected, now: Time) -> Value {
     let nothing = VehicleView::default();
     let vehicle = |id: &VehicleId| {

@@ -96,7 +96,7 @@ fn keep_issue(path: &Path, issue: u64) -> std::io::Result<()> {
     std::fs::rename(&fresh, path)
 }
 
-/// Gives how a node greets; `capabilities` are ascending. It has no name and asks for nothing but what all are told.
+/// Returns how a node greets; `capabilities` are ascending. It has no name and asks for nothing but what all are told.
 ///
 /// # Errors
 /// The system gives no random numbers.

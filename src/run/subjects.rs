@@ -100,7 +100,7 @@ mod tests {
         Key { sender, topic }.to_string()
     }
 
-    /// Tells whether a key expression covers a key.
+    /// Returns whether a key expression covers a key.
     fn covers(expression: &str, key: &str) -> bool {
         let (first, rest) = expression.split_once('/').unwrap_or((expression, ""));
         let (part, others) = key.split_once('/').unwrap_or((key, ""));

@@ -184,7 +184,7 @@ impl Bus {
         }
     }
 
-    /// Tells whether two nodes hear each other at a moment. Operators sit beside the ground station: what cuts off the one
+    /// Returns whether two nodes hear each other at a moment. Operators sit beside the ground station: what cuts off the one
     /// cuts off the others.
     pub fn joins(&self, now: Time, a: NodeId, b: NodeId) -> bool {
         let (a, b) = (place_of(a), place_of(b));

@@ -42,7 +42,7 @@ impl Faults {
         self.list.iter().any(|fault| fault.kind == kind && fault.hits(now, vehicle))
     }
 
-    /// Gives which batteries have which charge at once, 0 to 1, and when.
+    /// Returns which batteries have which charge at once, 0 to 1, and when.
     pub fn charges(&self) -> Vec<(Time, VehicleId, f64)> {
         let charge_of = |fault: &Fault| match fault.kind {
             FaultKind::Battery(charge) => Some(charge),
@@ -59,7 +59,7 @@ impl Faults {
             .collect()
     }
 
-    /// Gives what happens to the software of vehicles, and when.
+    /// Returns what happens to the software of vehicles, and when.
     pub fn turns(&self) -> Vec<(Time, Turn)> {
         self.list.iter().flat_map(turns_of).filter(|(at, _)| *at < Time::NEVER).collect()
     }

@@ -34,7 +34,7 @@ impl Draw {
         mixed ^ (mixed >> 31)
     }
 
-    /// Tells whether a key is to be changed, and notes it.
+    /// Returns whether a key is to be changed, and notes it.
     fn takes(&mut self, name: &str) -> bool {
         let is_taken = self.next().is_multiple_of(self.one_in);
         if is_taken {

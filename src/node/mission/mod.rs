@@ -242,7 +242,7 @@ impl Mission {
         plan.lease < self.lease || (is_own && !self.answers(now, plan))
     }
 
-    /// Tells whether a plan answers a state that this start of the software made not long ago.
+    /// Returns whether a plan answers a state that this start of the software made not long ago.
     fn answers(&self, now: Time, plan: &Plan) -> bool {
         let is_fresh =
             |seen: SeenState| seen.boot == self.settings.boot && self.ages.is_fresh(now, seen.sequence);

@@ -6,11 +6,12 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::PathBuf;
 use std::time::Duration;
 
-use tomoswarm_proto::{Mode, OrderKind, Report, RunId, Sender, VehicleId, codec};
+use tomoswarm_proto::{OrderKind, Report, RunId, Sender, VehicleId, codec};
 
 use crate::geom::Point;
 use crate::ground::imager::Subject;
 use crate::ground::station::Note;
+use crate::operator::names;
 use crate::operator::operator_actor::{In, Out};
 use crate::operator::script::is_at_home;
 use crate::operator::status::Expected;
@@ -185,7 +186,10 @@ impl Director {
             });
         let mode = |id: &VehicleId| {
             let state = self.operator.view().state(*id);
-            format!("{id} {}", state.map_or("-", |state| mode_name(state.value.mode)))
+            format!(
+                "{id} {}",
+                state.map_or("-".to_owned(), |state| names::mode(state.value.mode).to_lowercase())
+            )
         };
         let modes: Vec<String> = self.homes.keys().map(mode).collect();
         format!("{:>4.0} s  {ground}; {}", now.as_secs_f64(), modes.join(", "))
@@ -388,20 +392,5 @@ impl Director {
             }
         }
         Going::On
-    }
-}
-
-fn mode_name(mode: Mode) -> &'static str {
-    match mode {
-        Mode::Idle => "idle",
-        Mode::Driving => "driving",
-        Mode::Turning => "turning",
-        Mode::Halted => "halted",
-        Mode::Held => "held",
-        Mode::TakingOff => "taking off",
-        Mode::Climbing => "climbing",
-        Mode::Landing => "landing",
-        Mode::Stopped => "stopped",
-        Mode::Emergency => "emergency",
     }
 }

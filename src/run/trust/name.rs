@@ -15,7 +15,7 @@ pub struct CommonName {
 }
 
 impl CommonName {
-    /// Gives the name of a node without the number of its certificate: "ground", "vehicle-3" or "operator-1".
+    /// Returns the name of a node without the number of its certificate: "ground", "vehicle-3" or "operator-1".
     pub fn node_name(node: Sender) -> String {
         match node {
             Sender::Ground => "ground".to_owned(),
