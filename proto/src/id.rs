@@ -91,6 +91,13 @@ pub struct Lease {
     pub holder: u64,
 }
 
+impl Lease {
+    /// Returns the lowest lease of a number: every other of that number is greater.
+    pub const fn lowest(number: u32) -> Lease {
+        Lease { number, holder: u64::MAX }
+    }
+}
+
 impl Ord for Lease {
     fn cmp(&self, other: &Lease) -> Ordering {
         self.number.cmp(&other.number).then(other.holder.cmp(&self.holder))

@@ -119,11 +119,12 @@ fn a_frame_is_laid_out_as_documented() {
         slice: 0,
         end: None,
         is_at_home: false,
+        lease_number: 6,
     };
     let frame = encode(&Message::Mission(mission)).unwrap();
     // Magic, version, kind; vehicle, boot, run, revision as a 16-bit varint, Some(7), None; kind of mission, phase,
-    // no share, places left; Some(x as a 16-bit zigzag, y, z); slice, no end, not at home.
+    // no share, places left; Some(x as a 16-bit zigzag, y, z); slice, no end, not at home, the number of the lease.
     let progress = ["03", "04", "02", "fb2c01", "0107", "00"].concat();
-    let mission = ["00", "02", "00", "0c", "01", "fbd007", "09", "00", "00", "00", "00"].concat();
+    let mission = ["00", "02", "00", "0c", "01", "fbd007", "09", "00", "00", "00", "00", "06"].concat();
     assert_eq!(hex(&frame), ["74530206", &progress, &mission].concat());
 }

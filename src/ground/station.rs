@@ -40,8 +40,8 @@ use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
 use tomoswarm_proto::{
-    Boot, Hello, Lease, Message, OrderKind, RunEnd, RunId, Samples, Sender, State, StopId, Task, TileReport,
-    VehicleId,
+    Boot, Hello, Lease, Message, Mission, OrderKind, RunEnd, RunId, Samples, Sender, State, StopId, Task,
+    TileReport, VehicleId,
 };
 
 use self::leases::{Change, Leases};
@@ -227,7 +227,7 @@ impl Station {
     fn hear(&mut self, now: Time, message: Message, out: &mut Vec<Out>) {
         match message {
             Message::State(state) => self.hear_state(now, state, out),
-            Message::Mission(mission) => self.hear_progress(now, (&mission).into(), out),
+            Message::Mission(mission) => self.hear_mission(now, &mission, out),
             Message::Samples(batch) => self.store(&batch),
             Message::Tile(report) => self.join(now, &report),
             Message::Digest(digest) => self.repair.hear_digest(now, &self.map, &digest),
@@ -284,10 +284,16 @@ impl Station {
         self.look_after_standing(now, out);
     }
 
-    fn hear_progress(&mut self, now: Time, progress: VehicleProgress, out: &mut Vec<Out>) {
-        if !self.knows(progress.vehicle) {
+    fn hear_mission(&mut self, now: Time, mission: &Mission, out: &mut Vec<Out>) {
+        if !self.knows(mission.vehicle) {
             return;
         }
+        self.hear_progress(now, mission.into(), out);
+        let change = self.leases.heard(now, Lease::lowest(mission.lease_number));
+        self.lease_changed(now, change, out);
+    }
+
+    fn hear_progress(&mut self, now: Time, progress: VehicleProgress, out: &mut Vec<Out>) {
         let shown = self.fleet.heard_progress(progress);
         self.shown(progress.vehicle, shown, out);
         if shown.got_on {

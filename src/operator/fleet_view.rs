@@ -126,11 +126,13 @@ impl FleetView {
         (theirs != venue_hash).then_some(Misfit::Venue(theirs))
     }
 
-    /// Returns the greatest lease that a vehicle echoes or a live ground station holds; number 0 = nobody's.
+    /// Returns the greatest lease that a vehicle has obeyed or a live ground station holds; number 0 = nobody's.
     pub fn lease(&self, now: Time) -> Lease {
-        let echoed = self.vehicles.values().filter_map(|seen| Some(seen.state.as_ref()?.value.ordered.lease));
+        let of_orders = |seen: &VehicleView| Some(seen.state.as_ref()?.value.ordered.lease);
+        let of_plans = |seen: &VehicleView| Some(Lease::lowest(seen.mission.as_ref()?.value.lease_number));
+        let obeyed = self.vehicles.values().flat_map(|seen| of_orders(seen).max(of_plans(seen)));
         let held = self.ground(now).map(|report| report.value.lease);
-        echoed.chain(held).max().unwrap_or_default()
+        obeyed.chain(held).max().unwrap_or_default()
     }
 
     /// Forgets the states that came before a moment, as if those vehicles had not been heard.
@@ -243,6 +245,22 @@ mod tests {
         assert_eq!(view.ground(at(4.5)).unwrap().value.store, 1);
         assert_eq!(view.ground(at(5.5)).unwrap().value.store, 2, "the other has been silent");
         assert_eq!(view.ground(at(9.5)), None);
+    }
+
+    #[test]
+    fn the_lease_in_force_is_the_greatest_of_orders_plans_and_a_live_ground() {
+        let mut view = FleetView::default();
+        let lease = |number| Lease { number, holder: 4 };
+        assert_eq!(view.lease(at(0.0)).number, 0);
+        let mut ordered = state(3);
+        ordered.ordered.lease = lease(1);
+        hear(&mut view, 0.0, Message::State(ordered));
+        assert_eq!(view.lease(at(0.0)), lease(1));
+        let planned = Mission { vehicle: VehicleId(3), lease_number: 2, ..Mission::default() };
+        hear(&mut view, 0.0, Message::Mission(planned));
+        assert_eq!(view.lease(at(60.0)).number, 2, "the ground that gave the plan may be gone");
+        hear(&mut view, 60.0, Message::Report(Report { lease: lease(5), ..report() }));
+        assert_eq!((view.lease(at(60.0)), view.lease(at(70.0))), (lease(5), Lease::lowest(2)));
     }
 
     #[test]

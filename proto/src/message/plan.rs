@@ -167,4 +167,6 @@ pub struct Mission {
     pub end: Option<MissionEnd>,
     /// Whether it stands at its home.
     pub is_at_home: bool,
+    /// Number of the greatest lease of the orders and plans that it was given: who takes a lease takes a higher one.
+    pub lease_number: u32,
 }

@@ -314,7 +314,7 @@ fn mission() -> impl Strategy<Value = Mission> {
         refusal.prop_map(MissionEnd::Refused),
     ];
     let does = (mission_kind(), phase, permille(), any::<u16>());
-    let goes = (option::of(position()), any::<i16>(), option::of(end), any::<bool>());
+    let goes = (option::of(position()), any::<i16>(), option::of(end), any::<bool>(), any::<u32>());
     (vehicle(), boot(), progress(), does, goes).prop_map(|(vehicle, boot, progress, does, goes)| Mission {
         vehicle,
         boot,
@@ -327,6 +327,7 @@ fn mission() -> impl Strategy<Value = Mission> {
         slice: goes.1,
         end: goes.2,
         is_at_home: goes.3,
+        lease_number: goes.4,
     })
 }
 

@@ -124,6 +124,7 @@ fn mission() -> Mission {
         slice: 0,
         end: None,
         is_at_home: false,
+        lease_number: 1,
     }
 }
 

@@ -142,6 +142,7 @@ fn mission() -> Mission {
         slice: i16::MIN,
         end: Some(MissionEnd::GaveUp(u16::MAX)),
         is_at_home: true,
+        lease_number: u32::MAX,
     }
 }
 

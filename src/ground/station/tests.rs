@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use tomoswarm_proto::{Boot, Mission, Mode, Permille, Plan, Position, Progress, Revision, State, Stop};
+use tomoswarm_proto::{Boot, Mode, Permille, Plan, Position, Progress, Revision, State, Stop};
 
 use super::*;
 use crate::geom::Lattice;
@@ -238,4 +238,21 @@ fn what_was_done_under_another_revision_is_no_lap() {
     told(&mut station, 10.0, state());
     told(&mut station, 10.0, progress(1, Some(2)));
     assert_eq!(next_note(&mut station, 60.0), None);
+}
+
+#[test]
+fn a_new_ground_takes_a_lease_above_that_of_the_plans_in_force() {
+    // The operator who started the run had lease 1; the ground that planned it went on under its own, 2, and lost its disk.
+    let mut station = Station::new(StationSettings { lease: None, holder: 9, ..settings() });
+    told(&mut station, 0.1, state());
+    let mission = Mission { vehicle: ONE, boot: Boot(1), lease_number: 2, ..Mission::default() };
+    told(&mut station, 0.2, In::Bus(Message::Mission(mission)));
+    for second in 1..=4 {
+        station.wake(Time::from_secs_f64(f64::from(second)), &mut Vec::new()).unwrap();
+    }
+    assert_eq!(station.leases.own(), Lease { number: 3, holder: 9 });
+    // Nobody who is not expected displaces it.
+    let mission = Mission { vehicle: VehicleId(9), boot: Boot(1), lease_number: 8, ..Mission::default() };
+    told(&mut station, 5.0, In::Bus(Message::Mission(mission)));
+    assert!(station.leases.holds());
 }
