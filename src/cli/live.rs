@@ -124,8 +124,7 @@ impl Swarm {
         let control = WorldControl::connect(address, &token);
         let control = control.map_err(|error| CliError::Swarm(error.to_string()))?;
         let store = folder.join(STORE);
-        let director = Director::new(scenario, operator, control, store.clone())
-            .map_err(|error| CliError::Usage(error.to_string()))?;
+        let director = Director::new(scenario, operator, control);
         Ok(Swarm { processes, director, store })
     }
 

@@ -2,7 +2,7 @@
 //!
 //! ```text
 //!   bus ──State, Progress, Tile, Samples, Digest, Want, Report──► station ──Plan, Order, Have, Report, Tile…──► bus
-//!   operator ──Begin──► station ──Request──► planner ──Answer──► station
+//!   bus ──Task, Hello of an operator──► station ──Request──► planner ──Answer──► station
 //!                       station ──Job──► imager ──Picture──► edge (log, files, dashboard), station
 //!                       station ──Memory──► edge (store)
 //! ```
@@ -13,12 +13,9 @@ use super::{imager, planner, station};
 
 /// What reaches the ground station from outside.
 #[derive(Clone, Debug)]
-#[allow(clippy::large_enum_variant, reason = "nearly all of them are messages, and are taken out at once")]
 pub enum Event {
     /// The bus delivered a message that another node said.
     Bus(Sender, Message),
-    /// The operator wants something.
-    Operator(station::Wish),
 }
 
 /// What the ground station wants done outside, in this order: what it remembers must be stored before what follows is
@@ -75,7 +72,6 @@ pub(crate) fn route(output: Output, to: &mut Vec<Destination>) {
     let next = match output {
         // What the station decides by names its author itself.
         Output::Edge(Event::Bus(_, message)) => Destination::Station(station::In::Bus(message)),
-        Output::Edge(Event::Operator(wish)) => Destination::Station(station::In::Wish(wish)),
         Output::Station(station::Out::Publish(message)) => Destination::Edge(Effect::Publish(message)),
         Output::Station(station::Out::Ask(request)) => Destination::Planner(request),
         Output::Station(station::Out::Reconstruct(job)) => Destination::Imager(job),

@@ -1,12 +1,11 @@
 //! The station actor: keeps the fleet table, the merged map and the samples, and brings one sweep after
-//! another from a wish to its links.
+//! another from its start to its links.
 //!
-//! It is told messages of vehicles, operators and other grounds, wishes of the operator, plans, and pictures made; it says
-//! plans, orders, watermarks, reports and map repairs for the bus, requests for the planner, jobs for the imager, notes,
+//! It is told messages of vehicles, operators and other grounds, plans, and pictures made; it says plans, orders, watermarks, reports and map repairs for the bus, requests for the planner, jobs for the imager, notes,
 //! and what must be remembered. It solves nothing and plans nothing itself.
 //!
 //! ```text
-//!   Idle ─Sweep wished, all heard*► Stopping ─all at rest─► Planning ─plans─► Running ─every stop done─► Closing
+//!   Idle ─Start seen, all heard*─► Stopping ─all at rest─► Planning ─plans─► Running ─every stop done─► Closing
 //!    ▲                                 ▲ │ ▲                   │                 │                         │
 //!    │                   too few: waits└─┘ └───────────────────┴─────────────────┘                         │
 //!    │                                      a vehicle is lost, is back, was restarted,                     │
@@ -48,7 +47,7 @@ use self::leases::{Change, Leases};
 use self::memory::Brief;
 pub use self::memory::{Memory, PictureName};
 use self::runs::Runs;
-pub use self::words::{In, Key, Note, Out, StationSettings, Wish};
+pub use self::words::{In, Key, Note, Out, StationSettings};
 use super::fleet::Fleet;
 use super::samples::SampleStore;
 use crate::actor::{Actor, Fault};
@@ -331,34 +330,6 @@ impl Station {
         out.extend(messages.into_iter().map(Out::Publish));
     }
 
-    fn wish(&mut self, now: Time, wish: Wish, out: &mut Vec<Out>) {
-        match wish {
-            // Nobody obeys who stands by; and what was ordered now is not wanted when it leads again.
-            Wish::Order(_) if self.leases.stands_by() => {
-                out.push(Out::Note(Note::StandsBy(self.leases.highest())));
-            }
-            Wish::Order(kind) => {
-                let run = self.run();
-                self.fleet.order_all(run, kind);
-                self.publish_orders(out);
-                match kind {
-                    OrderKind::Start => self.go_on(now, out),
-                    OrderKind::Hold
-                    | OrderKind::Return
-                    | OrderKind::Land
-                    | OrderKind::Emergency
-                    | OrderKind::CutMotors => {
-                        self.stands_now(Some(kind));
-                    }
-                }
-            }
-            Wish::Sweep { run, empty } => {
-                self.want(now, run, empty);
-                self.begin(now, out);
-            }
-        }
-    }
-
     fn want(&mut self, now: Time, run: RunId, empty: Option<RunId>) {
         (self.wished, self.wished_at) = (Some((run, empty)), now);
         self.open(run, empty);
@@ -422,10 +393,6 @@ impl Station {
     /// What is ordered stands, if it is stronger than what does already.
     fn stands_now(&mut self, kind: Option<OrderKind>) {
         self.standing = self.standing.into_iter().chain(kind).reduce(OrderKind::stronger);
-    }
-
-    fn run(&self) -> RunId {
-        self.phase.sweep().map(|sweep| sweep.run).unwrap_or_default()
     }
 
     fn publish_plans(&mut self, now: Time, out: &mut Vec<Out>) {
@@ -507,7 +474,6 @@ impl Actor for Station {
         let first = out.len();
         match input {
             In::Bus(message) => self.hear(now, message, out),
-            In::Wish(wish) => self.wish(now, wish, out),
             In::Planned(answer) => self.planned(now, answer, out),
             In::Pictured(name) => self.pictured(name),
         }

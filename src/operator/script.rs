@@ -9,22 +9,19 @@
 //!     └──EndIf─► shown ─► done; otherwise the next step
 //! ```
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeSet;
 use std::fmt;
 use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
 use tomoswarm_proto::{
-    Mission, MissionKind, MissionPhase, Mode, OrderKind, Report, RunEnd, RunId, RunReport, State,
-    StationPhase, VehicleId,
+    Mission, MissionKind, MissionPhase, Report, RunEnd, RunId, RunReport, StationPhase, VehicleId,
 };
 
 use super::fleet_view::FleetView;
 use super::given_tasks::TaskWish;
 use super::status::Expected;
 use super::want::Want;
-use crate::geom::Point;
-use crate::node::mission;
 use crate::time::Time;
 
 /// What is waited for.
@@ -34,10 +31,6 @@ pub enum Condition {
     Heard(Expected),
     /// What the script wanted last is in force on every vehicle.
     InForce,
-    /// The ground station has driven this run to its end, and is idle.
-    RunEnded(RunId),
-    /// Every vehicle that was sent home rests there.
-    AtHome(BTreeMap<VehicleId, Point>),
     /// Every stop of this run is done and all its samples are in; its images may still be made.
     Driven(RunId),
     /// Everything of this run is done, its last images too.
@@ -98,6 +91,15 @@ pub enum ScriptEnd {
         /// In words.
         why: String,
     },
+}
+
+impl fmt::Display for ScriptEnd {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            ScriptEnd::Done => f.write_str("done"),
+            ScriptEnd::GaveUp { step, why } => write!(f, "gave up at step {step}: {why}"),
+        }
+    }
 }
 
 /// What a script says.
@@ -246,11 +248,6 @@ impl Condition {
         match self {
             Condition::Heard(expected) => expected.all_heard(sight.view, now),
             Condition::InForce => *sight.last_want == LastWant::InForce,
-            Condition::RunEnded(run) => sight.view.ground(now).is_some_and(|report| {
-                let report = &report.value;
-                report.run == *run && report.phase == StationPhase::Idle && report.laps > 0
-            }),
-            Condition::AtHome(homes) => away(homes, sight.view).is_empty(),
             Condition::Driven(run) => sight.report(now).is_some_and(|report| is_driven(report, *run)),
             Condition::Done(run) => sight.run(now, *run).is_some_and(|run| run.end == Some(RunEnd::Done)),
             Condition::MissionsEnded(present) => present.all(now, sight.view, has_ended),
@@ -277,12 +274,9 @@ impl Condition {
                 let reasons = conditions.iter().map(|one| one.is_hopeless(now, sight));
                 reasons.collect::<Option<Vec<String>>>().map(|reasons| reasons.join("; "))
             }
-            Condition::Heard(_)
-            | Condition::InForce
-            | Condition::RunEnded(_)
-            | Condition::AtHome(_)
-            | Condition::MissionsEnded(_)
-            | Condition::Home(_) => None,
+            Condition::Heard(_) | Condition::InForce | Condition::MissionsEnded(_) | Condition::Home(_) => {
+                None
+            }
         }
     }
 
@@ -291,11 +285,6 @@ impl Condition {
         let missing = match self {
             Condition::Heard(expected) => {
                 format!("not heard: {}", expected.missing(sight.view, now).join(", "))
-            }
-            Condition::AtHome(homes) => {
-                let away: Vec<String> =
-                    away(homes, sight.view).iter().map(|id| format!("vehicle {id}")).collect();
-                format!("not at home: {}", away.join(", "))
             }
             Condition::Home(present) => {
                 let away: Vec<String> = present
@@ -306,7 +295,6 @@ impl Condition {
                 format!("not at home: {}", away.join(", "))
             }
             Condition::InForce
-            | Condition::RunEnded(_)
             | Condition::Driven(_)
             | Condition::Done(_)
             | Condition::MissionsEnded(_)
@@ -321,8 +309,7 @@ impl fmt::Display for Condition {
         match self {
             Condition::Heard(_) => write!(f, "everybody is heard"),
             Condition::InForce => write!(f, "every vehicle shows the order"),
-            Condition::RunEnded(run) => write!(f, "run {run} has ended"),
-            Condition::AtHome(_) | Condition::Home(_) => write!(f, "everybody is at home"),
+            Condition::Home(_) => write!(f, "everybody is at home"),
             Condition::Driven(run) => write!(f, "run {run} is driven to its end"),
             Condition::Done(run) => write!(f, "run {run} is done"),
             Condition::MissionsEnded(_) => write!(f, "every mission has ended"),
@@ -377,21 +364,7 @@ fn has_ended(mission: &Mission) -> bool {
     mission.kind != MissionKind::Sweep && mission.end.is_some()
 }
 
-fn is_home(mission: &Mission) -> bool {
+/// Returns whether a vehicle has come home and stays there.
+pub fn is_home(mission: &Mission) -> bool {
     mission.is_at_home && mission.phase == MissionPhase::Over
-}
-
-/// Returns who is not at home yet.
-fn away(homes: &BTreeMap<VehicleId, Point>, view: &FleetView) -> BTreeSet<VehicleId> {
-    let is_there =
-        |id: &VehicleId, home: &Point| view.state(*id).is_some_and(|state| is_at_home(&state.value, *home));
-    homes.iter().filter(|(id, home)| !is_there(id, home)).map(|(id, _)| *id).collect()
-}
-
-/// Returns whether a vehicle that was sent home has come to rest there.
-pub fn is_at_home(state: &State, home: Point) -> bool {
-    let is_returning = state.ordered.kind == Some(OrderKind::Return);
-    let rests = state.leg.is_none() && matches!(state.mode, Mode::Idle | Mode::Held);
-    let is_there = state.pose.is_some_and(|pose| mission::is_at_home(pose.into(), home));
-    is_returning && rests && is_there
 }

@@ -1,6 +1,7 @@
 //! What an operator is asked for, and what it says of it: plain values.
 
 use std::collections::BTreeSet;
+use std::fmt;
 use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
@@ -13,6 +14,15 @@ pub enum WantId {
     Hand(u32),
     /// The script's, counted from 0.
     Script(u32),
+}
+
+impl fmt::Display for WantId {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            WantId::Hand(number) => write!(f, "want {number} by hand"),
+            WantId::Script(number) => write!(f, "want {number} of the script"),
+        }
+    }
 }
 
 /// What is wanted of vehicles.

@@ -2,7 +2,7 @@
 //! they want done back into the queue. One thread, virtual time; the same scenario and seed give the same run.
 //!
 //! ```text
-//!   queue ─► wake │ what happens in the environment │ delivery │ script ─► node.tell / node.wake ─► effects
+//!   queue ─► wake │ what happens in the environment │ delivery │ fault ─► node.tell / node.wake ─► effects
 //!     ▲                                                                                              │
 //!     └───────────── environment, bus ◄──────────────────────────────────────────────────────────────┘
 //! ```
@@ -13,7 +13,6 @@ mod operators;
 mod recorded;
 #[cfg(test)]
 mod rig;
-mod scripted;
 #[cfg(test)]
 mod tests;
 
@@ -23,17 +22,16 @@ use std::time::Duration;
 use tomoswarm_proto::codec::{self, Decoded};
 use tomoswarm_proto::{Message, VehicleId};
 
-pub(super) use self::operators::{Part, SimulatedOperator};
+pub(super) use self::operators::SimulatedOperator;
 pub(super) use self::recorded::Recording;
 use super::bus::{Bus, Frame, NodeId, operators_that_hear, receivers};
 use super::disk::Disk;
 use super::environment::{DeviceCommand, Environment, WorldEvent};
 use super::faults::{Faults, Turn};
+use super::judge::{Judge, Verdict};
 use super::noise::Noise;
 use super::outcome::Recorder;
 use super::queue::EventQueue;
-use super::script::{Next, Script, Step};
-use super::shadow::{Deed, ShadowRun, deeds};
 use super::shown::{Shown, Shows};
 use crate::actor::Fault;
 use crate::exchange::ingress::Heard;
@@ -60,7 +58,6 @@ enum Event {
         to: NodeId,
         frame: Arc<Frame>,
     },
-    Script(Step),
     Fault(Turn),
     /// The operators join the bus.
     OperatorsBegin,
@@ -72,7 +69,7 @@ impl Event {
         match self {
             Event::OperatorsBegin | Event::Deliver { to: NodeId::Operator(_), .. } => true,
             Event::Wake { node, .. } => *node > vehicles,
-            Event::Environment | Event::Script(_) | Event::Fault(_) => false,
+            Event::Environment | Event::Fault(_) => false,
             Event::Deliver { to: NodeId::Ground | NodeId::Vehicle(_), .. } => false,
         }
     }
@@ -109,7 +106,7 @@ pub(super) struct Parts {
     pub faults: Faults,
     pub ground: GroundNode,
     pub operators: Vec<SimulatedOperator>,
-    pub script: Script,
+    pub judge: Judge,
     pub until: Time,
     pub shuffle_ties: bool,
     /// The first contact ends the run.
@@ -132,9 +129,7 @@ pub(super) struct Kernel {
     ground: GroundNode,
     operators: Vec<SimulatedOperator>,
     alarms: Vec<Alarm>,
-    script: Script,
-    /// What the script has ordered and brought about.
-    script_deeds: Vec<Deed>,
+    judge: Judge,
     until: Time,
     ends_at_contact: bool,
     shows: Shows,
@@ -164,8 +159,7 @@ impl Kernel {
             ground: parts.ground,
             alarms: vec![Alarm::default(); count + 1 + parts.operators.len()],
             operators: parts.operators,
-            script: parts.script,
-            script_deeds: Vec::new(),
+            judge: parts.judge,
             until: parts.until,
             ends_at_contact: parts.ends_at_contact,
             shows: Shows::every(parts.shown_every),
@@ -185,8 +179,6 @@ impl Kernel {
         self.environment.begin(&mut said);
         self.schedule(&mut said);
         (0..self.vehicles.len()).for_each(|vehicle| self.environment.attach(self.now, vehicle));
-        let (after, first) = self.script.first();
-        self.queue.push(Time::ZERO + after, Event::Script(first));
         for (at, turn) in self.faults.turns() {
             self.queue.push(at, Event::Fault(turn));
         }
@@ -228,9 +220,8 @@ impl Kernel {
     }
 
     /// Takes the run apart.
-    pub fn into_parts(mut self) -> (Recorder, Environment, GroundNode, Bus, Time, f64) {
+    pub fn into_parts(mut self) -> (Recorder, Judge, Environment, GroundNode, Bus, Time, f64) {
         self.log_holdings();
-        self.record.sweep_done = self.script.is_sweep_done();
         (self.record.alive, self.record.home, self.record.held) = self.muster();
         let counts = self.environment.counts();
         self.record.counts.scans = counts.scans;
@@ -239,13 +230,22 @@ impl Kernel {
         self.record.counts.dropped_commands = counts.dropped;
         let separation_m = self.environment.min_separation_m(self.now);
         let end = self.ended.unwrap_or(self.now);
-        (self.record, self.environment, self.ground, self.bus, end, separation_m)
+        (self.record, self.judge, self.environment, self.ground, self.bus, end, separation_m)
     }
 
-    /// Returns what the script did and what the first operator would have done.
-    pub fn shadow_run(&self) -> ShadowRun {
-        let said = self.operators.first().map(|operator| operator.said.as_slice()).unwrap_or_default();
-        ShadowRun { script: self.script_deeds.clone(), operator: deeds(said) }
+    /// Does what follows from a judgement; of several the first counts.
+    fn follow(&mut self, verdict: Verdict) {
+        if self.ended.is_some() {
+            return;
+        }
+        match verdict {
+            Verdict::GoesOn => {}
+            Verdict::Over => self.end(),
+            Verdict::Failed(reason) => {
+                self.record.failure.get_or_insert(reason);
+                self.end();
+            }
+        }
     }
 
     /// Ends the run, but for what is still on its way.
@@ -261,7 +261,6 @@ impl Kernel {
             Event::Wake { node, generation } => self.wake(node, generation),
             Event::Environment => self.wake_environment(),
             Event::Deliver { to, frame } => self.deliver(to, &frame),
-            Event::Script(step) => self.script(step),
             Event::Fault(turn) => {
                 self.fail(turn);
                 Ok(())
@@ -484,23 +483,18 @@ impl Kernel {
         }
     }
 
-    /// Takes what matters to the script out of what a mission says.
+    /// Lets the judge see what a mission says.
     fn heed(&mut self, vehicle: usize, remark: &MissionRemark) {
-        let next = match remark {
+        match remark {
             MissionRemark::Home => {
                 let (alive, home, _) = self.muster();
-                self.script.came_home(home, alive)
+                self.follow(self.judge.came_home(home, alive));
             }
             MissionRemark::Ended(end) => {
-                self.record.missions[vehicle].1 = Some((self.now, end.clone()));
-                let (alive, ..) = self.muster();
-                let ended =
-                    |vehicle: &usize| !self.is_dead[*vehicle] && self.record.missions[*vehicle].1.is_some();
-                self.script.mission_ended((0..self.vehicles.len()).filter(ended).count(), alive)
+                self.judge.mission_ended(self.now, vehicle, end.clone(), &self.is_dead);
             }
-            _ => Next::Nothing,
-        };
-        self.follow(next);
+            _ => {}
+        }
     }
 
     fn carry_out_ground(&mut self) {
@@ -508,7 +502,7 @@ impl Kernel {
         for effect in effects.drain(..) {
             match effect {
                 ground::Effect::Publish(message) => self.publish(NodeId::Ground, &message),
-                ground::Effect::Picture(picture) => self.picture(picture),
+                ground::Effect::Picture(picture) => self.record.picture(self.now, picture),
                 // A simulated ground station has no store, and is never started anew from its memory.
                 ground::Effect::Remember(_) | ground::Effect::BeginRun { .. } | ground::Effect::EndRun(_) => {
                 }
@@ -522,7 +516,7 @@ impl Kernel {
         self.log("ground", format_args!("{note:?}"));
         match note {
             GroundNote::Planned { laps, .. } => {
-                self.status.laps = self.status.laps_done + laps * self.script.sweeps_left();
+                self.status.laps = self.status.laps_done + laps * self.sweeps_left();
             }
             GroundNote::LapDone { samples, .. } => {
                 self.status.laps_done += 1;
@@ -540,7 +534,11 @@ impl Kernel {
             | GroundNote::StandsBy(_)
             | GroundNote::Overtaken(_) => {}
         }
-        let next = self.script.hear(note);
-        self.follow(next);
+        self.judge.hear(note);
+    }
+
+    /// Returns how many sweeps are still to be driven, the present one included.
+    fn sweeps_left(&self) -> usize {
+        if self.environment.persons_are_in() { 1 } else { 2 }
     }
 }

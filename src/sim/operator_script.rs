@@ -14,13 +14,16 @@ use tomoswarm_proto::{
     Boot, Hello, Interest, OperatorId, OrderKind, RunId, Sender, SweepPlanner, TaskKind, VehicleId,
 };
 
-use super::script::{EMPTY_RUN, RUN};
 use crate::config::{End, Expect, Planner, Sim, Sweep};
 use crate::operator::given_tasks::TaskWish;
 use crate::operator::operator_actor::OperatorSettings;
 use crate::operator::script::{Condition, Present, Step};
 use crate::operator::want::Want;
 
+/// The first sweep of a scenario, with nobody inside; without an empty sweep it is not driven.
+pub const EMPTY_RUN: RunId = RunId(1);
+/// The sweep whose image is wanted.
+pub const RUN: RunId = RunId(2);
 /// What the environment is asked for when the persons shall walk in.
 pub const PERSONS_ENTER: &str = "persons enter";
 /// The operator of a scenario.

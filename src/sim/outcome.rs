@@ -6,7 +6,7 @@ use tomoswarm_proto::VehicleId;
 
 use super::bus::{BytesByKind, NodeId};
 use super::log::{Log, image_hash};
-use super::script::RUN;
+use super::operator_script::RUN;
 use super::world::Collision;
 use crate::geom::Point;
 use crate::ground::imager::{Picture, Subject};
@@ -47,10 +47,7 @@ pub(super) struct Recorder {
     pub log: Log,
     pub counts: Counts,
     pub tracks: Vec<(VehicleId, Vec<Point>)>,
-    /// When and how the mission of each vehicle ended.
-    pub missions: Vec<Mission>,
     pub pictures: Vec<Picture>,
-    pub sweep_done: bool,
     pub failure: Option<String>,
     /// At the end: whose software runs, who of them is home, and who stands and stays.
     pub alive: usize,
@@ -64,9 +61,7 @@ impl Recorder {
             log: Log::default(),
             counts: Counts::default(),
             tracks: ids.iter().map(|id| (*id, Vec::new())).collect(),
-            missions: ids.iter().map(|id| (*id, None)).collect(),
             pictures: Vec::new(),
-            sweep_done: false,
             failure: None,
             alive: 0,
             home: 0,

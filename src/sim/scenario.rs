@@ -10,14 +10,13 @@ use super::bus::{Bus, BusModel};
 use super::entry::Entry;
 use super::environment::{Environment, TRACK_EVERY};
 use super::faults::Faults;
-use super::kernel::{Kernel, Part, Parts, Recording, SimulatedOperator};
+use super::judge::Judge;
+use super::kernel::{Kernel, Parts, Recording, SimulatedOperator};
 use super::noise::{Noise, Purpose};
-use super::operator_script;
+use super::operator_script::{self, EMPTY_RUN, RUN};
 use super::outcome::{Outcome, Recorder};
 use super::radio_field::{RadioConstants, RadioField};
 use super::range::{Lobe, RangeModel, RangeSensor};
-use super::script::{EMPTY_RUN, RUN, Script};
-use super::shadow::ShadowRun;
 use super::shown::Shown;
 use super::staging;
 use super::world::{Build, Flying, GROUND_CLEARANCE_M, Stage, World};
@@ -28,6 +27,7 @@ use crate::ground::imager::Subject;
 use crate::ground::planner::Method;
 use crate::ground::{GroundNode, from_config};
 use crate::node::{Settings as NodeSettings, VehicleNode};
+use crate::operator::script::Step;
 use crate::scene::{Attenuation, Outline, Person, Scene, SceneError, VrmlShape};
 use crate::sweep::{Ring, SweepError};
 use crate::time::Time;
@@ -146,21 +146,9 @@ impl Scenario {
         Ok(self.scene(&[])?)
     }
 
-    /// Gives what happens by itself in this scenario.
-    ///
-    /// # Errors
-    /// The scene cannot be built.
-    pub fn script(&self) -> Result<Script, ScenarioError> {
-        let (_, second) = self.world()?;
-        Ok(self.script_with(second))
-    }
-
-    fn script_with(&self, second: Option<Stage>) -> Script {
-        let (end, expect) = (self.sim.end, self.sim.expect);
-        match self.sim.task.is_planned_by_ground() {
-            true => Script::new(second, end, expect),
-            false => Script::of_missions(end, expect),
-        }
+    /// Returns what the operator of this scenario does.
+    pub fn operator_steps(&self) -> Vec<Step> {
+        operator_script::steps(&self.sim)
     }
 
     /// Gives the positions that are measured from.
@@ -253,30 +241,21 @@ impl Scenario {
         Ok(self.outcome(kernel)?)
     }
 
-    /// Runs the scenario as [`Scenario::run`] does while an operator that nobody hears follows it too; returns what the
-    /// script did and what the operator would have done.
-    ///
-    /// # Errors
-    /// As for [`Scenario::run`].
-    pub fn run_with_shadow(&self) -> Result<(Outcome, ShadowRun), RunError> {
-        let mut parts = self.parts()?;
-        parts.operators.push(self.operator(Part::Shadows));
-        let mut kernel = Kernel::new(parts);
-        kernel.run(&mut |_| true, None)?;
-        let shadow = kernel.shadow_run();
-        Ok((self.outcome(kernel)?, shadow))
-    }
-
-    fn operator(&self, part: Part) -> SimulatedOperator {
+    fn operator(&self) -> SimulatedOperator {
         let (id, holder) =
             (operator_script::SCENARIO_OPERATOR, self.noise.hash(Purpose::Start, &[u64::MAX - 2]));
         let settings = operator_script::settings(&self.sim, id, holder);
-        SimulatedOperator::new(id, settings, part, operator_script::steps(&self.sim))
+        SimulatedOperator::new(id, settings, self.operator_steps())
+    }
+
+    fn judge(&self) -> Judge {
+        let ids: Vec<VehicleId> = self.sim.vehicle_ids().collect();
+        Judge::new(self.sim.task.is_planned_by_ground(), self.sim.expect, &ids)
     }
 
     pub(super) fn parts(&self) -> Result<Parts, ScenarioError> {
         let (sim, noise) = (&self.sim, self.noise);
-        let (environment, second) = self.environment()?;
+        let environment = self.environment()?;
         let start = |vehicle| Some((vehicle, sim.home(vehicle)?));
         let told = |(vehicle, home)| NodeSettings::from_config(sim, vehicle, Boot(1), home);
         let settings: Vec<NodeSettings> = sim.vehicle_ids().filter_map(start).map(told).collect();
@@ -288,8 +267,8 @@ impl Scenario {
             settings,
             faults: faults(sim),
             ground: self.ground()?,
-            operators: Vec::new(),
-            script: self.script_with(second),
+            operators: vec![self.operator()],
+            judge: self.judge(),
             until: Time::ZERO + sim.until(),
             shuffle_ties: self.shuffle_ties,
             ends_at_contact: self.ends_at_contact,
@@ -297,15 +276,15 @@ impl Scenario {
         })
     }
 
-    /// Makes the environment as a run begins, with all vehicles at home, and what stands there once the persons have
-    /// entered (`None` when they are in it from the beginning).
+    /// Makes the environment as a run begins, with all vehicles at home; where a sweep comes first, the persons wait
+    /// outside.
     ///
     /// # Errors
     /// The scene cannot be built, or a vehicle cannot be put into it.
-    pub fn environment(&self) -> Result<(Environment, Option<Stage>), ScenarioError> {
-        let (world, second) = self.world()?;
+    pub fn environment(&self) -> Result<Environment, ScenarioError> {
+        let (world, entered) = self.world()?;
         let (faults, ties) = (faults(&self.sim), self.shuffle_ties.then_some(self.noise));
-        Ok((Environment::new(world, self.noise, faults, ties), second))
+        Ok(Environment::new(world, self.noise, faults, ties).with_persons_outside(entered))
     }
 
     fn world(&self) -> Result<(World, Option<Stage>), ScenarioError> {
@@ -413,10 +392,10 @@ impl Scenario {
     }
 
     /// Says what was expected and is not so at the end.
-    fn unmet(&self, record: &Recorder) -> Option<String> {
+    fn unmet(&self, record: &Recorder, judge: &Judge) -> Option<String> {
         let alive = record.alive;
         match self.sim.expect {
-            Expect::Finished => (!record.sweep_done).then(|| self.unended(record)),
+            Expect::Finished => (!judge.is_done()).then(|| self.unended(judge)),
             Expect::Home => {
                 (record.home < alive).then(|| format!("only {} of {alive} vehicles are home", record.home))
             }
@@ -426,20 +405,20 @@ impl Scenario {
         }
     }
 
-    fn unended(&self, record: &Recorder) -> String {
+    fn unended(&self, judge: &Judge) -> String {
         if self.sim.task.is_planned_by_ground() {
             return "the sweep did not end in time".to_owned();
         }
-        let under_way = record.missions.iter().filter(|(_, end)| end.is_none());
+        let under_way = judge.missions().iter().filter(|(_, end)| end.is_none());
         let ids: Vec<String> = under_way.map(|(id, _)| id.to_string()).collect();
         format!("the missions of vehicles {} did not end in time", ids.join(", "))
     }
 
-    fn outcome(&self, kernel: Kernel) -> Result<Outcome, ScenarioError> {
-        let (mut record, environment, ground, bus, simulated, separation_m) = kernel.into_parts();
+    pub(super) fn outcome(&self, kernel: Kernel) -> Result<Outcome, ScenarioError> {
+        let (mut record, judge, environment, ground, bus, simulated, separation_m) = kernel.into_parts();
         let station = ground.station();
         let outlines = self.outlines()?;
-        let unmet = self.unmet(&record);
+        let unmet = self.unmet(&record, &judge);
         let finished = unmet.is_none() && record.failure.is_none();
         let failure = record.failure.or(unmet);
         Ok(Outcome {
@@ -458,7 +437,7 @@ impl Scenario {
             structure: Outcome::take(&mut record.pictures, Subject::Structure),
             map: station.map().clone(),
             tracks: record.tracks,
-            missions: record.missions,
+            missions: judge.missions().to_vec(),
             persons: self.persons.clone(),
             outlines,
             counts: record.counts,

@@ -219,7 +219,7 @@ impl Swarm {
 
     fn sweeping(vehicles: u8) -> Swarm {
         let mut swarm = Swarm::new(vehicles, settings(vehicles));
-        swarm.tell(In::Wish(Wish::Sweep { run: RUN, empty: None }), usize::MAX);
+        order(&mut swarm, RUN, OrderKind::Start);
         swarm
     }
 

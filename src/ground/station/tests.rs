@@ -2,7 +2,9 @@
 
 use std::time::Duration;
 
-use tomoswarm_proto::{Boot, Mode, Permille, Plan, Position, Progress, Revision, State, Stop};
+use tomoswarm_proto::{
+    Boot, Mode, Ordered, Permille, Plan, Position, Progress, Revision, State, Stop, TaskKind,
+};
 
 use super::*;
 use crate::geom::Lattice;
@@ -56,6 +58,18 @@ fn state() -> In {
     }))
 }
 
+/// The vehicle shows what somebody else has ordered it: by the lease in force, above all that it was ordered before.
+fn shows(station: &mut Station, time_s: f64, run: RunId, kind: OrderKind) -> Vec<Out> {
+    let (_, member) = station.fleet.members().next().unwrap();
+    let issued = member.dealings.issued.as_ref().map(|order| order.revision);
+    let echo = member.dealings.echo.map(|ordered| ordered.revision);
+    let revision = Revision(issued.max(echo).unwrap_or_default().0 + 1);
+    let sequence = station.fleet.newest_state(ONE).map_or(1, |seen| seen.sequence + 1);
+    let In::Bus(Message::State(state)) = state() else { unreachable!() };
+    let ordered = Ordered { lease: LEASE, revision, run, kind: Some(kind) };
+    told(station, time_s, In::Bus(Message::State(State { sequence, ordered, ..state })))
+}
+
 fn progress(revision: u32, done: Option<u32>) -> In {
     let (revision, done) = (Revision(revision), done.map(StopId));
     let boot = Boot(1);
@@ -102,7 +116,7 @@ fn next_note(station: &mut Station, within_s: f64) -> Option<Note> {
 /// A station whose vehicle follows a plan of two stops.
 fn running() -> Station {
     let mut station = station();
-    told(&mut station, 0.1, In::Wish(Wish::Sweep { run: RUN, empty: None }));
+    shows(&mut station, 0.1, RUN, OrderKind::Start);
     begin(&mut station, 1);
     station
 }
@@ -122,15 +136,16 @@ fn begin(station: &mut Station, empty: u32) {
 
 #[test]
 fn a_wish_waits_for_everybody_and_begins_with_a_stop() {
-    let mut station = station();
-    let out = told(&mut station, 0.1, In::Wish(Wish::Sweep { run: RUN, empty: None }));
-    assert!(matches!(out[..], [Out::Remember(_)]), "{out:?}");
-    told(&mut station, 0.2, state());
-    let mut out = Vec::new();
-    station.wake(Time::from_secs_f64(1.0), &mut out).unwrap();
+    let mut station = Station::new(StationSettings { vehicles: vec![ONE, VehicleId(2)], ..settings() });
+    shows(&mut station, 0.1, RUN, OrderKind::Start);
+    let mut out = said_within(&mut station, 2.0);
     let empty = |out: &Out| matches!(out, Out::Publish(Message::Plan(plan)) if plan.stops.is_empty());
-    assert!(out.iter().any(empty));
-    assert!(out.iter().any(|out| matches!(out, Out::Publish(Message::Order(_)))));
+    let orders = |out: &Out| matches!(out, Out::Publish(Message::Order(_)));
+    assert!(!out.iter().any(|out| empty(out) || orders(out)), "the other one was not heard");
+    let In::Bus(Message::State(other)) = state() else { unreachable!() };
+    told(&mut station, 3.2, In::Bus(Message::State(State { vehicle: VehicleId(2), ..other })));
+    out = said_within(&mut station, 1.0);
+    assert!(out.iter().any(empty) && out.iter().any(orders));
     assert!(!out.iter().any(|out| matches!(out, Out::Ask(_))), "nobody has stopped yet");
 }
 
@@ -156,7 +171,7 @@ fn when_nobody_gets_on_plans_are_made_anew_once_and_then_it_is_said() {
 fn who_never_comes_to_rest_does_not_hold_up_the_end_for_ever() {
     let mut station = station();
     told(&mut station, 0.5, state());
-    told(&mut station, 1.0, In::Wish(Wish::Sweep { run: RunId(1), empty: None }));
+    shows(&mut station, 1.0, RunId(1), OrderKind::Start);
     // Nobody ever reports the empty revision.
     let notes: Vec<Option<Note>> = (0..2).map(|_| next_note(&mut station, 600.0)).collect();
     assert_eq!(notes, [Some(Note::Replans(RunId(1))), Some(Note::Stalled(RunId(1)))]);
@@ -165,7 +180,7 @@ fn who_never_comes_to_rest_does_not_hold_up_the_end_for_ever() {
 #[test]
 fn who_does_not_follow_its_plan_is_planned_for_anew() {
     let mut station = station();
-    told(&mut station, 0.1, In::Wish(Wish::Sweep { run: RUN, empty: None }));
+    shows(&mut station, 0.1, RUN, OrderKind::Start);
     begin(&mut station, 1);
     let mut silent = station;
     silent.succession.as_mut().unwrap().stop();
@@ -194,20 +209,29 @@ fn said_within(station: &mut Station, within_s: f64) -> Vec<Out> {
 fn what_the_operator_has_stopped_only_the_operator_starts() {
     for kind in [OrderKind::Hold, OrderKind::Return, OrderKind::Land, OrderKind::Emergency] {
         let mut station = running();
-        told(&mut station, 10.0, In::Wish(Wish::Order(kind)));
-        let mut out = told(&mut station, 10.0, In::Wish(Wish::Sweep { run: RunId(3), empty: None }));
+        shows(&mut station, 10.0, RUN, kind);
+        let task = Task {
+            lease: LEASE,
+            run: RunId(3),
+            members: vec![ONE],
+            compare_with: None,
+            kind: TaskKind::Explore,
+        };
+        let mut out = told(&mut station, 10.0, In::Bus(Message::Task(task)));
         out.extend(said_within(&mut station, 3000.0));
         assert!(!starts(&out), "{kind:?}");
         assert!(!out.iter().any(|out| matches!(out, Out::Note(_) | Out::Ask(_))), "{kind:?}");
-        assert!(starts(&told(&mut station, 4000.0, In::Wish(Wish::Order(OrderKind::Start)))), "{kind:?}");
+        assert_eq!(station.standing, Some(kind));
+        shows(&mut station, 4000.0, RUN, OrderKind::Start);
+        assert_eq!(station.standing, None, "{kind:?}");
     }
 }
 
 #[test]
 fn an_order_stands_too_while_a_sweep_is_being_stopped_or_only_wished() {
     let mut stopping = station();
-    told(&mut stopping, 0.1, In::Wish(Wish::Sweep { run: RUN, empty: None }));
-    told(&mut stopping, 0.2, In::Wish(Wish::Order(OrderKind::Emergency)));
+    shows(&mut stopping, 0.1, RUN, OrderKind::Start);
+    shows(&mut stopping, 0.2, RUN, OrderKind::Emergency);
     told(&mut stopping, 0.3, state());
     let mut out = said_within(&mut stopping, 600.0);
     out.extend(told(&mut stopping, 601.0, progress(1, None)));
@@ -222,9 +246,9 @@ fn after_a_return_everyone_is_planned_for_anew_and_after_a_hold_the_plan_goes_on
     };
     for (kind, anew) in [(OrderKind::Hold, false), (OrderKind::Return, true)] {
         let mut station = running();
-        told(&mut station, 10.0, In::Wish(Wish::Order(kind)));
+        shows(&mut station, 10.0, RUN, kind);
         said_within(&mut station, 600.0);
-        let mut out = told(&mut station, 700.0, In::Wish(Wish::Order(OrderKind::Start)));
+        let mut out = shows(&mut station, 700.0, RUN, OrderKind::Start);
         out.extend(said_within(&mut station, 100.0));
         assert_eq!(empties(&out), anew, "{kind:?}");
     }

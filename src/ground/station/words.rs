@@ -3,7 +3,7 @@
 use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
-use tomoswarm_proto::{Boot, LayerId, Lease, Message, OrderKind, RunId, TileAddress, VehicleId};
+use tomoswarm_proto::{Boot, LayerId, Lease, Message, RunId, TileAddress, VehicleId};
 
 use super::super::imager::Job;
 use super::super::planner::{Answer, Request};
@@ -11,27 +11,11 @@ use super::memory::{Memory, PictureName};
 use crate::actor::{Class, Input};
 use crate::geom::Lattice;
 
-/// What an operator wants.
-#[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
-pub enum Wish {
-    /// Sweep the area.
-    Sweep {
-        /// Name of the run.
-        run: RunId,
-        /// The run whose links were measured with nobody inside.
-        empty: Option<RunId>,
-    },
-    /// Give every vehicle an order.
-    Order(OrderKind),
-}
-
 /// What the station can be told.
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
 pub enum In {
-    /// A message of a vehicle, or of another ground.
+    /// A message of a vehicle, an operator, or another ground.
     Bus(Message),
-    /// A wish of the operator.
-    Wish(Wish),
     /// Plans, or why there are none.
     Planned(Answer),
     /// A picture was made.
@@ -170,7 +154,7 @@ impl Input for In {
             In::Bus(Message::Tile(report)) => Class::Latest(Key::Tile(report.layer, report.address)),
             In::Planned(_) => Class::Latest(Key::Planned),
             In::Pictured(name) => Class::Latest(Key::Pictured(*name)),
-            In::Bus(_) | In::Wish(_) => Class::Queue,
+            In::Bus(_) => Class::Queue,
         }
     }
 

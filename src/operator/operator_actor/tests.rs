@@ -1,11 +1,12 @@
 //! The operator in virtual time, against vehicles that obey what is above their echo.
 
 use tomoswarm_proto::{
-    Boot, Lease, OperatorId, Order, OrderKind as Kind, Report, RunId, Sender, StationPhase, Task,
+    Boot, Lease, Mission, MissionPhase, OperatorId, Order, OrderKind as Kind, Report, RunId, RunReport,
+    Sender, StationPhase, Task,
 };
 
 use super::super::outcome::{Refusal, VehicleOutcome};
-use super::super::script::Condition;
+use super::super::script::{Condition, Present};
 use super::super::status::Expected;
 use super::super::tests_support::{Rover, at, heard, report};
 use super::*;
@@ -42,6 +43,10 @@ fn want(kind: Kind) -> Want {
         take_over: false,
         within: Duration::from_secs(5),
     }
+}
+
+fn one_present() -> Present {
+    Present { vehicles: [VehicleId(1)].into(), lost_after: Duration::from_secs(30) }
 }
 
 fn only(kind: Kind, vehicle: u8) -> Want {
@@ -334,13 +339,10 @@ fn a_script_goes_on_as_the_fleet_shows_it_and_as_its_cues_are_done() {
         Step::Delay(Duration::from_secs(2)),
         Step::Want(run_one),
         Step::Wait { until: Condition::InForce, within },
-        Step::Wait { until: Condition::RunEnded(RunId(1)), within },
+        Step::Wait { until: Condition::Driven(RunId(1)), within },
         Step::Cue { name: "enter".to_owned(), within },
         Step::Want(want(Kind::Return)),
-        Step::Wait {
-            until: Condition::AtHome([(VehicleId(1), crate::geom::Point::new(1.0, 1.0))].into()),
-            within,
-        },
+        Step::Wait { until: Condition::Home(one_present()), within },
     ];
     let mut world = World::new(vec![Rover::new(1)]);
     follow(&mut world, &steps);
@@ -350,7 +352,8 @@ fn a_script_goes_on_as_the_fleet_shows_it_and_as_its_cues_are_done() {
     assert_eq!(world.orders, [], "it lets two seconds pass");
     world.run(3.0);
     assert_eq!(world.kinds(), [Some(Kind::Start)]);
-    world.report = Some(Report { run: RunId(1), laps: 3, laps_done: 3, ..of_one() });
+    let runs = vec![RunReport { run: RunId(1), ..RunReport::default() }];
+    world.report = Some(Report { run: RunId(1), laps: 3, laps_done: 3, runs, ..of_one() });
     world.run(2.0);
     assert_eq!(world.said.last(), Some(&Out::Cue("enter".to_owned())));
     world.run(1.0);
@@ -358,6 +361,11 @@ fn a_script_goes_on_as_the_fleet_shows_it_and_as_its_cues_are_done() {
     world.tell(In::CueDone);
     world.run(2.0);
     assert_eq!(world.kinds(), [Some(Kind::Return)]);
+    assert!(!world.said.iter().any(|out| matches!(out, Out::ScriptEnded(_))), "it is not home yet");
+    let (vehicle, phase, is_at_home) = (VehicleId(1), MissionPhase::Over, true);
+    let home = Mission { vehicle, boot: Boot(1), phase, is_at_home, ..Mission::default() };
+    world.tell(In::Bus(heard(Message::Mission(home))));
+    world.run(0.1);
     assert!(world.said.contains(&Out::ScriptEnded(ScriptEnd::Done)), "{:?}", world.said);
 }
 
@@ -379,10 +387,9 @@ fn a_script_that_waits_for_what_never_comes_ends_with_a_reason_after_its_limit()
     let wait = |until| Step::Wait { until, within };
     let silent = "not heard: vehicle 2, the ground station, within 4.0 s";
     never(wait(Condition::Heard(expected)), silent);
-    never(wait(Condition::RunEnded(RunId(1))), "not shown: run 1 has ended, within 4.0 s");
+    never(wait(Condition::Driven(RunId(1))), "not shown: run 1 is driven to its end, within 4.0 s");
     never(wait(Condition::InForce), "not shown: every vehicle shows the order, within 4.0 s");
-    let homes = [(VehicleId(1), crate::geom::Point::new(9.0, 1.0))].into();
-    never(wait(Condition::AtHome(homes)), "not at home: vehicle 1, within 4.0 s");
+    never(wait(Condition::Home(one_present())), "not at home: vehicle 1, within 4.0 s");
     never(Step::Cue { name: "enter".to_owned(), within }, "\"enter\" was not done within 4.0 s");
 }
 

@@ -1,38 +1,29 @@
-//! Plays the operator of a live swarm by the same script as a simulation in virtual time: when sweeps are wished, when the
-//! persons enter, when everybody is sent home, and when it is over or has failed. It has what an operator has, the bus, and
-//! what a stage manager has, the world's ear; it starts and ends no processes.
+//! Plays the operator of a live swarm: the same operator by the same script as in virtual time. It has what an operator has,
+//! the bus, and what a stage manager has, the world's ear, for what the script asks for outside the bus; it starts and ends
+//! no processes, and decides nothing about the mission.
 
 use std::collections::{BTreeMap, BTreeSet};
-use std::path::PathBuf;
 use std::time::Duration;
 
-use tomoswarm_proto::{OrderKind, Report, RunId, Sender, VehicleId, codec};
+use tomoswarm_proto::{Report, RunEnd, RunId, RunReport, Sender, VehicleId, codec};
 
 use crate::geom::Point;
-use crate::ground::imager::Subject;
-use crate::ground::station::Note;
 use crate::operator::names;
 use crate::operator::operator_actor::{In, Out};
-use crate::operator::script::is_at_home;
+use crate::operator::script::{Condition, ScriptEnd, Step, is_home};
 use crate::operator::status::Expected;
-use crate::operator::want::{Want, WantId};
 use crate::run::bus::Heard;
 use crate::run::link::{Status, WorldControl};
 use crate::run::live_operator::LiveOperator;
 use crate::sim::bus::BytesByKind;
 use crate::sim::log::Log;
-use crate::sim::script::{Act, Next, Script, Step};
-use crate::sim::{RUN, Scenario, ScenarioError};
-use crate::store::ground::GroundStore;
+use crate::sim::operator_script::PERSONS_ENTER;
+use crate::sim::{RUN, Scenario};
 use crate::time::Time;
 
 /// Everybody is there within this time.
 const THERE_WITHIN: Duration = Duration::from_secs(30);
-/// An order is obeyed within this time.
-const OBEYED_WITHIN: Duration = Duration::from_secs(15);
-/// Pictures of a closed sweep that are not there after so long will not come any more.
-const PICTURED_WITHIN: Duration = Duration::from_secs(60);
-/// The store and the world are asked this often.
+/// The world is asked this often.
 const LOOK: Duration = Duration::from_millis(500);
 /// Longer than this nothing is waited for without a look at what else there is to do.
 const WAIT: Duration = Duration::from_millis(100);
@@ -78,79 +69,60 @@ impl Diary {
 pub struct Director {
     operator: LiveOperator,
     control: WorldControl,
-    store_path: PathBuf,
-    store: Option<GroundStore>,
-    script: Script,
-    homes: BTreeMap<VehicleId, Point>,
+    vehicles: Vec<VehicleId>,
     until: Time,
-    /// Since when everybody is there.
-    begun: Option<Time>,
-    steps: Vec<(Time, Step)>,
-    /// What is wanted of everybody and not brought about yet.
-    wanted: Option<WantId>,
-    wants: u32,
     looked: Time,
-    /// When the sweep that is wanted was seen to be closed.
-    closed: BTreeMap<RunId, Time>,
-    is_pictured: bool,
-    returns: bool,
+    /// What was reported of every run.
+    runs: BTreeMap<RunId, RunReport>,
     home: BTreeSet<VehicleId>,
     diary: Diary,
 }
 
 impl Director {
-    /// Takes a seat on the bus and at the world's ear; `store_path` is the ground station's store.
-    ///
-    /// # Errors
-    /// The scene cannot be built.
-    pub fn new(
-        scenario: &Scenario,
-        operator: LiveOperator,
-        control: WorldControl,
-        store_path: PathBuf,
-    ) -> Result<Director, ScenarioError> {
+    /// Takes a seat on the bus and at the world's ear, and begins: everybody is waited for, and then the scenario is
+    /// followed.
+    pub fn new(scenario: &Scenario, mut operator: LiveOperator, control: WorldControl) -> Director {
         let sim = scenario.sim();
-        let homes = sim.vehicle_ids().filter_map(|id| Some((id, sim.home(id)?))).collect();
-        Ok(Director {
+        let vehicles: Vec<VehicleId> = sim.vehicle_ids().collect();
+        let all = Expected { vehicles: vehicles.iter().copied().collect(), ground: true };
+        let mut steps = vec![Step::Wait { until: Condition::Heard(all), within: THERE_WITHIN }];
+        steps.extend(scenario.operator_steps());
+        operator.tell(In::Follow(steps));
+        Director {
             until: operator.now() + sim.until(),
             operator,
             control,
-            store_path,
-            store: None,
-            script: scenario.script()?,
-            homes,
-            begun: None,
-            steps: Vec::new(),
-            wanted: None,
-            wants: 0,
+            vehicles,
             looked: Time::ZERO,
-            closed: BTreeMap::new(),
-            is_pictured: false,
-            returns: false,
+            runs: BTreeMap::new(),
             home: BTreeSet::new(),
             diary: Diary::default(),
-        })
+        }
     }
 
     /// Goes on for a moment.
     pub fn go(&mut self) -> Going {
-        let going = self.listen();
-        if going != Going::On {
-            return going;
+        let diary = &mut self.diary;
+        let said = match self.operator.go_on(self.operator.now() + WAIT, |_, heard| diary.hear(heard)) {
+            Ok(said) => said,
+            Err(fault) => return Going::Failed(fault.to_string()),
+        };
+        for out in said {
+            let going = self.carry_out(out);
+            if going != Going::On {
+                return going;
+            }
         }
         let now = self.operator.now();
         if now > self.until {
             return Going::Failed("the sweep did not end in time".to_owned());
         }
-        if self.begun.is_none() {
-            return self.gather(now);
-        }
-        let mut going = self.take_steps(now);
-        if going == Going::On && now.since(self.looked) >= LOOK {
+        if now.since(self.looked) >= LOOK {
             self.looked = now;
-            going = self.look(now);
+            self.watch_world();
+            self.watch_fleet(now);
         }
-        going
+        Going::On
     }
 
     /// Asks the world where everybody was, and how it went; what it does not answer stays unknown.
@@ -158,8 +130,8 @@ impl Director {
         if let Ok(status) = self.control.report() {
             self.diary.world = status;
         }
-        let ids: Vec<VehicleId> = self.homes.keys().copied().collect();
-        ids.into_iter().map(|id| (id, self.control.track(id).unwrap_or_default())).collect()
+        let control = &mut self.control;
+        self.vehicles.iter().map(|id| (*id, control.track(*id).unwrap_or_default())).collect()
     }
 
     /// Writes a line into the log.
@@ -169,8 +141,9 @@ impl Director {
     }
 
     /// Leaves the bus and gives what was written down.
-    pub fn leave(self) -> Diary {
-        let sweep_done = self.script.is_sweep_done();
+    pub fn leave(mut self) -> Diary {
+        self.watch_fleet(self.operator.now());
+        let sweep_done = self.runs.get(&RUN).is_some_and(|run| run.end == Some(RunEnd::Done));
         self.operator.close();
         Diary { sweep_done, home: self.home.len(), ..self.diary }
     }
@@ -191,125 +164,62 @@ impl Director {
                 state.map_or("-".to_owned(), |state| names::mode(state.value.mode).to_lowercase())
             )
         };
-        let modes: Vec<String> = self.homes.keys().map(mode).collect();
+        let modes: Vec<String> = self.vehicles.iter().map(mode).collect();
         format!("{:>4.0} s  {ground}; {}", now.as_secs_f64(), modes.join(", "))
     }
 
-    /// Hears and orders for a moment.
-    fn listen(&mut self) -> Going {
-        let diary = &mut self.diary;
-        let said = self.operator.go_on(self.operator.now() + WAIT, |_, heard| diary.hear(heard));
-        let said = match said {
-            Ok(said) => said,
-            Err(fault) => return Going::Failed(fault.to_string()),
-        };
-        for out in said {
-            match out {
-                Out::Ended(id, outcome) if self.wanted == Some(id) => {
-                    self.wanted = None;
-                    if !outcome.is_done() {
-                        return Going::Failed(outcome.undone());
-                    }
-                }
-                Out::Ended(..) | Out::Publish(_) | Out::InForce(..) | Out::Cue(_) | Out::ScriptEnded(_) => {}
-            }
-        }
-        Going::On
-    }
-
-    /// Waits until everybody is there.
-    fn gather(&mut self, now: Time) -> Going {
-        let expected = Expected { vehicles: self.homes.keys().copied().collect(), ground: true };
-        let missing = expected.missing(self.operator.view(), now);
-        if missing.is_empty() {
-            self.begun = Some(now);
-            self.note("scenario", "everybody is there");
-            let (after, step) = self.script.first();
-            self.steps.push((now + after, step));
-            return Going::On;
-        }
-        if now > Time::ZERO + THERE_WITHIN {
-            return Going::Failed(format!("not heard: {}", missing.join(", ")));
-        }
-        Going::On
-    }
-
-    fn take_steps(&mut self, now: Time) -> Going {
-        let due = self.steps.iter().position(|(at, _)| *at <= now);
-        let Some((_, step)) = due.map(|index| self.steps.remove(index)) else { return Going::On };
-        let (act, next) = self.script.step(step);
-        let going = self.carry_out(act);
-        if going == Going::On { self.follow(now, next) } else { going }
-    }
-
-    fn carry_out(&mut self, act: Act) -> Going {
-        match act {
-            Act::Sweep { run, empty: _ } => {
-                // What it is compared with stands in the ground station's file.
-                self.note("scenario", &format!("sweep {run} is wished"));
-                self.begin(OrderKind::Start, Some(run))
-            }
-            Act::Start => {
-                self.note("scenario", "the missions begin");
-                self.begin(OrderKind::Start, None)
-            }
-            Act::Enter(_) => {
+    /// Carries out what the operator says beside its messages.
+    fn carry_out(&mut self, out: Out) -> Going {
+        match out {
+            Out::Cue(name) if name == PERSONS_ENTER => {
                 self.note("scenario", "the persons enter");
-                match self.control.enter() {
-                    Ok(_) => Going::On,
-                    Err(error) => Going::Failed(format!("the persons cannot enter: {error}")),
+                if let Err(error) = self.control.enter() {
+                    return Going::Failed(format!("the persons cannot enter: {error}"));
                 }
-            }
-            Act::ReturnHome => {
-                self.note("scenario", "everybody is sent home");
-                self.returns = true;
-                self.begin(OrderKind::Return, None)
-            }
-            Act::Fail(reason) => Going::Failed(reason),
-        }
-    }
-
-    fn begin(&mut self, kind: OrderKind, run: Option<RunId>) -> Going {
-        let want = Want {
-            kind,
-            vehicles: self.homes.keys().copied().collect(),
-            run,
-            begins: kind == OrderKind::Start,
-            take_over: false,
-            within: OBEYED_WITHIN,
-        };
-        self.operator.tell(In::Want(self.wants, want));
-        self.wanted = Some(WantId::Hand(self.wants));
-        self.wants += 1;
-        Going::On
-    }
-
-    fn follow(&mut self, now: Time, next: Next) -> Going {
-        match next {
-            Next::Nothing => Going::On,
-            Next::Step(after, step) => {
-                self.steps.push((now + after, step));
+                self.operator.tell(In::CueDone);
                 Going::On
             }
-            Next::End => Going::Over,
-            Next::Fail(reason) => Going::Failed(reason),
+            // What is not known here is not done, and the script gives up.
+            Out::Cue(_) | Out::Publish(_) => Going::On,
+            Out::InForce(want, outcome) => {
+                let run = outcome.run.unwrap_or_default();
+                self.note("operator", &format!("{want}, run {run}, is in force"));
+                Going::On
+            }
+            Out::Ended(want, _) => {
+                self.note("operator", &format!("{want} is over"));
+                Going::On
+            }
+            Out::ScriptEnded(end) => {
+                self.note("operator", &format!("its script has ended: {end}"));
+                match end {
+                    ScriptEnd::Done => Going::Over,
+                    ScriptEnd::GaveUp { why, .. } => Going::Failed(why),
+                }
+            }
         }
     }
 
-    /// Looks what has come about: sweeps closed, pictures made, vehicles home, contacts.
-    fn look(&mut self, now: Time) -> Going {
-        self.watch_world();
-        if self.store.is_none() {
-            self.store = GroundStore::open_to_read(&self.store_path).ok();
+    /// Notes which runs have ended, and who has come home.
+    fn watch_fleet(&mut self, now: Time) {
+        let view = self.operator.view();
+        let reported = view.ground(now).map(|report| report.value.runs.clone()).unwrap_or_default();
+        let is_there = |id: &VehicleId| {
+            view.vehicle(*id).and_then(|seen| seen.mission.as_ref()).is_some_and(|said| is_home(&said.value))
+        };
+        let home: BTreeSet<VehicleId> = self.vehicles.iter().copied().filter(is_there).collect();
+        for run in reported {
+            let known = self.runs.insert(run.run, run);
+            if let Some(end) = run.end.filter(|_| known.and_then(|known| known.end) != run.end) {
+                let RunReport { run, samples, images, .. } = run;
+                let end = format!("{end:?}").to_lowercase();
+                self.note("ground", &format!("run {run} is {end}: {samples} samples, {images} images"));
+            }
         }
-        let mut going = self.look_for_closed(now);
-        if going == Going::On && self.closed.contains_key(&RUN) && !self.is_pictured {
-            going = self.look_for_picture(now);
+        for id in home.difference(&self.home.clone()) {
+            self.note(&format!("vehicle {id}"), "is home");
         }
-        if going == Going::On && self.returns && self.wanted.is_none() {
-            going = self.look_for_home(now);
-        }
-        going
+        self.home = home;
     }
 
     fn watch_world(&mut self) {
@@ -336,61 +246,5 @@ impl Director {
             let count = self.diary.world.collision_count;
             self.note("referee", &format!("{count} collisions"));
         }
-    }
-
-    fn look_for_closed(&mut self, now: Time) -> Going {
-        // Where the store cannot be read now it can the next time.
-        let runs = self.store.as_ref().and_then(|store| store.runs().ok()).unwrap_or_default();
-        let closed = runs.iter().filter(|run| run.closed_utc_s.is_some()).map(|run| run.run);
-        let new: Vec<RunId> = closed.filter(|run| !self.closed.contains_key(run)).collect();
-        for run in new {
-            self.closed.insert(run, now);
-            let samples = self.operator.view().ground(now).map_or(0, |report| report.value.samples);
-            self.note("ground", &format!("sweep {run} is closed"));
-            let next = self.script.hear(&Note::RunClosed { run, links: 0, samples });
-            let going = self.follow(now, next);
-            if going != Going::On {
-                return going;
-            }
-        }
-        Going::On
-    }
-
-    /// Looks whether the last pictures of the sweep that is wanted are there.
-    fn look_for_picture(&mut self, now: Time) -> Going {
-        let Some(store) = &self.store else { return Going::On };
-        let runs = store.runs().unwrap_or_default();
-        let closed_utc_s = runs.iter().find(|run| run.run == RUN).and_then(|run| run.closed_utc_s);
-        let made = store.newest_images(RUN).unwrap_or_default();
-        let is_last = |kind: &str| {
-            made.iter().any(|image| image.kind == kind && Some(image.made_utc_s) >= closed_utc_s)
-        };
-        let since = self.closed.get(&RUN).copied().unwrap_or(now);
-        if !is_last("structure") && now.since(since) < PICTURED_WITHIN {
-            return Going::On;
-        }
-        self.is_pictured = true;
-        let words = if is_last("structure") { "the last picture is made" } else { "no last picture is made" };
-        self.note("ground", words);
-        let next = self.script.picture(RUN, Subject::Structure);
-        self.follow(now, next)
-    }
-
-    fn look_for_home(&mut self, now: Time) -> Going {
-        let is_new = |(id, home): (&VehicleId, &Point)| {
-            let state = &self.operator.view().state(*id)?.value;
-            (!self.home.contains(id) && is_at_home(state, *home)).then_some(*id)
-        };
-        let new: Vec<VehicleId> = self.homes.iter().filter_map(is_new).collect();
-        for id in new {
-            self.home.insert(id);
-            self.note(&format!("vehicle {id}"), "is home");
-            let next = self.script.came_home(self.home.len(), self.homes.len());
-            let going = self.follow(now, next);
-            if going != Going::On {
-                return going;
-            }
-        }
-        Going::On
     }
 }

@@ -11,7 +11,7 @@ use crate::run::link::{
     COLLISIONS_LIMIT, Contact, FromWorld, PLACES_LIMIT, Refused, Status, ToWorld, VehicleStatus, Welcome,
 };
 use crate::sim::environment::{DeviceCommand, Environment, WorldEvent};
-use crate::sim::{Collision, Scenario, ScenarioError, Stage};
+use crate::sim::{Collision, Scenario, ScenarioError};
 use crate::time::Time;
 
 /// A place is written down when it is this far from the one before, metres.
@@ -26,8 +26,6 @@ pub type VehicleWord = (usize, FromWorld);
 pub struct LiveWorld {
     now: Time,
     environment: Environment,
-    /// What stands there with the persons in, while they wait outside.
-    waiting: Option<Stage>,
     vehicles: Vec<DrivenVehicle>,
     /// What is counted here; the rest is filled in when it is asked for.
     status: Status,
@@ -50,7 +48,7 @@ impl LiveWorld {
     /// # Errors
     /// The scenario is impossible.
     pub fn new(scenario: &Scenario) -> Result<LiveWorld, ScenarioError> {
-        let (mut environment, waiting) = scenario.environment()?;
+        let mut environment = scenario.environment()?;
         // A live world asks for the deadline.
         environment.begin(&mut Vec::new());
         let world = environment.world();
@@ -63,7 +61,7 @@ impl LiveWorld {
         let vehicles = (0..world.vehicles()).map(vehicle).collect();
         let persons = scenario.persons().iter().map(|person| person.at).collect();
         let status = Status { persons, ..Status::default() };
-        Ok(LiveWorld { now: Time::ZERO, environment, waiting, vehicles, status })
+        Ok(LiveWorld { now: Time::ZERO, environment, vehicles, status })
     }
 
     /// Returns how many vehicles there are; their ids are 1 to this.
@@ -159,9 +157,7 @@ impl LiveWorld {
 
     /// Lets the persons enter, unless they are in.
     pub fn enter(&mut self) {
-        if let Some(stage) = self.waiting.take() {
-            self.environment.set_stage(self.now, stage, &mut Vec::new());
-        }
+        self.environment.let_persons_enter(self.now, &mut Vec::new());
     }
 
     /// Tells how it is going.
@@ -181,7 +177,7 @@ impl LiveWorld {
         };
         Status {
             now_ns: self.now.as_nanos(),
-            entered: self.waiting.is_none(),
+            entered: self.environment.persons_are_in(),
             vehicles: self.vehicles.iter().enumerate().map(vehicle).collect(),
             fence_breaches: world.fence_breaches() as u64,
             min_separation_m: separation_m.is_finite().then_some(separation_m),

@@ -59,6 +59,8 @@ pub struct Environment {
     /// Contacts that the present motion leads to.
     contacts: Vec<PredictedContact>,
     counts: DeviceCounts,
+    /// What stands there once the persons have entered; `None` = they have.
+    outside: Option<Box<Stage>>,
 }
 
 impl Environment {
@@ -76,7 +78,13 @@ impl Environment {
             pending: EventQueue::new(ties),
             contacts: Vec::new(),
             counts: DeviceCounts::default(),
+            outside: None,
         }
+    }
+
+    /// Lets the persons wait outside; with them in it the world is as this stage.
+    pub fn with_persons_outside(self, entered: Option<Stage>) -> Environment {
+        Environment { outside: entered.map(Box::new), ..self }
     }
 
     /// Begins, once: from now on autopilots report and faults come. Not all autopilots speak at the same moment.
@@ -166,13 +174,19 @@ impl Environment {
         }
     }
 
-    /// Changes what stands in the world.
-    pub fn set_stage(&mut self, now: Time, stage: Stage, out: &mut Vec<WorldEvent>) {
+    /// Lets the persons enter, unless they are in.
+    pub fn let_persons_enter(&mut self, now: Time, out: &mut Vec<WorldEvent>) {
+        let Some(stage) = self.outside.take() else { return };
         self.now = self.now.max(now);
         // Contacts that were predicted with the old stage are void.
         self.contacts.clear();
-        let contacts = self.world.set_stage(stage, self.now);
+        let contacts = self.world.set_stage(*stage, self.now);
         self.predict(contacts, out);
+    }
+
+    /// Returns whether nobody waits outside.
+    pub fn persons_are_in(&self) -> bool {
+        self.outside.is_none()
     }
 
     fn schedule(&mut self, at: Time, event: PendingEvent, out: &mut Vec<WorldEvent>) {

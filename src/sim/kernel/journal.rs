@@ -6,7 +6,7 @@ use tomoswarm_proto::Digest;
 use super::Kernel;
 use crate::sim::body::BodyState;
 use crate::sim::log::hash;
-use crate::sim::script::RUN;
+use crate::sim::operator_script::RUN;
 use crate::sim::shown::{Shown, ShownVehicle};
 use crate::sim::world::Collision;
 

@@ -9,27 +9,15 @@ use crate::exchange::ingress::Heard;
 use crate::operator::operator_actor::{In, OperatorSettings, Out};
 use crate::operator::script::{ScriptEnd, Step};
 use crate::operator::wiring::OperatorNode;
-
-/// What becomes of what an operator says.
-#[derive(Clone, Copy, PartialEq, Eq, Debug)]
-#[cfg_attr(not(test), expect(dead_code, reason = "outside of tests the scenario's script still drives"))]
-pub(in crate::sim) enum Part {
-    /// It goes to the bus, and cues are carried out.
-    Plays,
-    /// It is written down. Nobody hears it, and every cue is done at once.
-    Shadows,
-}
+use crate::sim::operator_script::{PERSONS_ENTER, SCENARIO_OPERATOR};
 
 /// An operator in the simulation.
 pub(in crate::sim) struct SimulatedOperator {
     pub id: OperatorId,
     pub node: OperatorNode,
     pub interest: Vec<Interest>,
-    pub part: Part,
     /// What it is to do by itself; empty for one that only listens.
     pub script: Vec<Step>,
-    /// What a shadow has said.
-    pub said: Vec<Out>,
     /// How its script ended.
     pub ended: Option<ScriptEnd>,
     effects: Vec<Out>,
@@ -37,15 +25,10 @@ pub(in crate::sim) struct SimulatedOperator {
 
 impl SimulatedOperator {
     /// Makes an operator that hears of the fleet, and follows a script if that has steps.
-    pub fn new(
-        id: OperatorId,
-        mut settings: OperatorSettings,
-        part: Part,
-        script: Vec<Step>,
-    ) -> SimulatedOperator {
+    pub fn new(id: OperatorId, mut settings: OperatorSettings, script: Vec<Step>) -> SimulatedOperator {
         let interest = settings.hello.interest.clone();
-        let (node, said, effects) = (OperatorNode::new(&mut settings), Vec::new(), Vec::new());
-        SimulatedOperator { id, node, interest, part, script, said, ended: None, effects }
+        let (node, effects) = (OperatorNode::new(&mut settings), Vec::new());
+        SimulatedOperator { id, node, interest, script, ended: None, effects }
     }
 }
 
@@ -85,10 +68,7 @@ impl Kernel {
     fn carry_out_operator(&mut self, index: usize) -> Result<(), Fault> {
         while !self.operators[index].effects.is_empty() {
             for said in std::mem::take(&mut self.operators[index].effects) {
-                match self.operators[index].part {
-                    Part::Plays => self.carry_out_one_of_operator(index, said)?,
-                    Part::Shadows => self.write_down(index, said)?,
-                }
+                self.carry_out_one_of_operator(index, said)?;
             }
         }
         self.set_alarm(self.vehicles.len() + 1 + index);
@@ -96,28 +76,44 @@ impl Kernel {
     }
 
     fn carry_out_one_of_operator(&mut self, index: usize, said: Out) -> Result<(), Fault> {
+        let id = self.operators[index].id;
         match said {
-            Out::Publish(message) => {
-                self.publish(NodeId::Operator(self.operators[index].id), &message);
-                Ok(())
+            Out::Publish(message) => self.publish(NodeId::Operator(id), &message),
+            Out::Cue(name) => return self.cue(index, &name),
+            Out::InForce(want, outcome) => {
+                let run = outcome.run.unwrap_or_default();
+                self.log(&format!("operator {id}"), format_args!("{want}, run {run}, is in force"));
             }
-            Out::Cue(_) => self.cue_done(index),
-            Out::ScriptEnded(end) => {
-                self.operators[index].ended = Some(end);
-                Ok(())
+            Out::Ended(want, outcome) => {
+                let why = Some(outcome.undone()).filter(|why| !why.is_empty());
+                let why = why.map_or(String::new(), |why| format!(": {why}"));
+                self.log(&format!("operator {id}"), format_args!("{want} is over{why}"));
             }
-            Out::InForce(..) | Out::Ended(..) => Ok(()),
+            Out::ScriptEnded(end) => self.script_ended(index, end),
         }
+        Ok(())
     }
 
-    fn write_down(&mut self, index: usize, said: Out) -> Result<(), Fault> {
-        let is_cue = matches!(said, Out::Cue(_));
-        self.operators[index].said.push(said);
-        if is_cue { self.cue_done(index) } else { Ok(()) }
-    }
-
-    fn cue_done(&mut self, index: usize) -> Result<(), Fault> {
+    /// Does what an operator asks for outside the bus; what is not known here is not done, and the operator gives up.
+    fn cue(&mut self, index: usize, name: &str) -> Result<(), Fault> {
+        if name != PERSONS_ENTER {
+            return Ok(());
+        }
+        let mut said = Vec::new();
+        self.environment.let_persons_enter(self.now, &mut said);
+        self.schedule(&mut said);
+        self.log("scenario", format_args!("the persons enter"));
         let operator = &mut self.operators[index];
         operator.node.tell(self.now, In::CueDone, &mut operator.effects)
+    }
+
+    /// The script of the scenario's operator is what the run is about.
+    fn script_ended(&mut self, index: usize, end: ScriptEnd) {
+        let id = self.operators[index].id;
+        self.log(&format!("operator {id}"), format_args!("its script has ended: {end}"));
+        if id == SCENARIO_OPERATOR {
+            self.follow(self.judge.script_ended(&end));
+        }
+        self.operators[index].ended = Some(end);
     }
 }

@@ -8,11 +8,13 @@ use tomoswarm_proto::{OperatorId, OrderKind};
 use super::*;
 use crate::config;
 use crate::geom::Point;
+use crate::operator::fleet_view::FleetView;
 use crate::operator::operator_actor::OperatorSettings;
 use crate::operator::script as operator_script;
 use crate::operator::script::Condition;
 use crate::operator::want::Want;
-use crate::sim::Scenario;
+use crate::sim::operator_script::SCENARIO_OPERATOR;
+use crate::sim::{Outcome, Scenario};
 
 const SIM: &str = "kind = \"sim\"\nvenue = \"venue.toml\"\nscene = \"scene.toml\"\nuntil_s = 12.0
 [vehicles]\nmax_speed_mps = 1.0\nacceleration_mps2 = 5.0\nbraking_mps2 = 5.0
@@ -81,7 +83,7 @@ fn a_rover_whose_software_has_died_stops_two_seconds_later() {
 fn operator(scenario: &Scenario, number: u8, steps: Vec<operator_script::Step>) -> SimulatedOperator {
     let (id, greets) = (OperatorId(number), !steps.is_empty());
     let settings = crate::sim::operator_script::settings(scenario.sim(), id, u64::from(number) + 7);
-    SimulatedOperator::new(id, OperatorSettings { greets, ..settings }, Part::Plays, steps)
+    SimulatedOperator::new(id, OperatorSettings { greets, ..settings }, steps)
 }
 
 fn want(kind: OrderKind, take_over: bool) -> operator_script::Step {
@@ -94,21 +96,31 @@ fn who_only_looks_changes_no_byte_of_the_run() {
     let scenario = scenario("");
     let log = |viewers: u8| {
         let mut parts = scenario.parts().unwrap();
-        parts.operators.extend((0..viewers).map(|number| operator(&scenario, number, Vec::new())));
+        parts.operators.extend((1..=viewers).map(|number| operator(&scenario, number, Vec::new())));
         let mut kernel = Kernel::new(parts);
         run(&mut kernel, 3.5);
-        let seen: Vec<usize> = kernel.operators.iter().map(vehicles_seen).collect();
+        let seen: Vec<usize> = kernel.operators[1..].iter().map(vehicles_seen).collect();
         let (record, .., bus, end, _) = kernel.into_parts();
-        let said = bus.sent_by_kind().keys().filter(|node| matches!(node, NodeId::Operator(_))).count();
+        let is_operator = |node: &&NodeId| matches!(node, NodeId::Operator(_));
+        let said: Vec<NodeId> = bus.sent_by_kind().keys().filter(is_operator).copied().collect();
         (seen, (record.log.text().to_owned(), record.counts, end, said))
     };
     let (alone, watched) = (log(0), log(2));
     assert_eq!(watched.0, [2, 2], "they have heard every vehicle");
+    assert_eq!(watched.1.3, [NodeId::Operator(SCENARIO_OPERATOR)], "only who plays says anything");
     assert!(alone.1 == watched.1);
 }
 
 fn vehicles_seen(operator: &SimulatedOperator) -> usize {
-    operator.node.actors().operator.place.actor().view().vehicles().count()
+    view(operator).vehicles().count()
+}
+
+fn view(operator: &SimulatedOperator) -> &FleetView {
+    operator.node.actors().operator.place.actor().view()
+}
+
+fn wait(until: Condition) -> operator_script::Step {
+    operator_script::Step::Wait { until, within: Duration::from_secs(60) }
 }
 
 #[test]
@@ -116,17 +128,64 @@ fn an_operator_on_the_simulated_bus_takes_over_and_is_obeyed() {
     let scenario = scenario("");
     let heard =
         Condition::Heard(crate::operator::status::Expected { vehicles: BTreeSet::new(), ground: true });
-    let wait = |until| operator_script::Step::Wait { until, within: Duration::from_secs(5) };
     let steps = vec![wait(heard), want(OrderKind::Hold, true), wait(Condition::InForce)];
     let mut parts = scenario.parts().unwrap();
     parts.operators.push(operator(&scenario, 3, steps));
     let mut kernel = Kernel::new(parts);
     run(&mut kernel, 3.5);
-    let operator = &kernel.operators[0];
+    let operator = &kernel.operators[1];
     assert_eq!(operator.ended, Some(operator_script::ScriptEnd::Done), "State shows the order");
-    let view = operator.node.actors().operator.place.actor().view();
-    let lease = view.lease(kernel.now);
+    let lease = view(operator).lease(kernel.now);
     assert_eq!((lease.number, lease.holder), (2, 10));
-    let report = view.ground(kernel.now).expect("the ground station is heard");
+    let report = view(operator).ground(kernel.now).expect("the ground station is heard");
     assert_eq!(report.value.lease, lease, "the ground station plans under it");
+}
+
+/// A whole mission with two small rovers, and what else operators do in it.
+fn small(others: impl Fn(&Scenario) -> Vec<SimulatedOperator>) -> Outcome {
+    let mut read = |name: &str| {
+        let path = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join(name);
+        std::fs::read_to_string(path).map_err(|error| error.to_string())
+    };
+    let name = "configs/small.sim.toml";
+    let text = read(name).unwrap();
+    let sim = config::read_sim(name, &text, None, &mut read);
+    let scenario = Scenario::new(sim.unwrap(), Vec::new(), 1).unwrap();
+    let mut parts = scenario.parts().unwrap();
+    parts.operators.extend(others(&scenario));
+    let mut kernel = Kernel::new(parts);
+    kernel.run(&mut |_| true, None).unwrap();
+    scenario.outcome(kernel).unwrap()
+}
+
+#[test]
+fn another_operator_takes_over_in_the_middle_of_a_sweep_and_the_mission_ends_as_it_would_have() {
+    let whole = small(|_| Vec::new());
+    let held_for = Duration::from_secs(10);
+    let steps = vec![
+        operator_script::Step::Delay(Duration::from_secs(20)),
+        want(OrderKind::Hold, true),
+        wait(Condition::InForce),
+        operator_script::Step::Delay(held_for),
+        want(OrderKind::Start, false),
+        wait(Condition::InForce),
+    ];
+    let disturbed = small(|scenario| vec![operator(scenario, 3, steps.clone())]);
+    for outcome in [&whole, &disturbed] {
+        assert!(outcome.finished, "{:?}", outcome.failure);
+        assert!(outcome.log.contains("operator 0 its script has ended: done"));
+    }
+    assert!(disturbed.log.contains("operator 3 its script has ended: done"));
+    let longer_s = disturbed.simulated.as_secs_f64() - whole.simulated.as_secs_f64();
+    assert!((8.0..20.0).contains(&longer_s), "{longer_s} s longer: everyone stood for {held_for:?}");
+    assert_eq!(disturbed.found().len(), whole.found().len());
+}
+
+#[test]
+fn what_another_operator_has_stopped_neither_ground_nor_the_first_operator_starts() {
+    let steps = vec![operator_script::Step::Delay(Duration::from_secs(20)), want(OrderKind::Hold, true)];
+    let stopped = small(|scenario| vec![operator(scenario, 3, steps.clone())]);
+    assert_eq!(stopped.failure.as_deref(), Some("the sweep did not end in time"));
+    assert_eq!(stopped.held, 2, "they stand");
+    assert!(stopped.simulated >= Time::from_secs_f64(590.0));
 }

@@ -1,0 +1,128 @@
+//! The judge of a simulated run: it sees what no node sees, and says when the run is over, whether what was wanted came
+//! about, and why it failed. It orders nothing: what is done in a run is its operator's matter ([`super::operator_script`]).
+
+use tomoswarm_proto::VehicleId;
+
+use super::operator_script::RUN;
+use super::outcome::Mission;
+use crate::config::Expect;
+use crate::ground::station::Note as GroundNote;
+use crate::node::mission::End;
+use crate::operator::script::ScriptEnd;
+use crate::time::Time;
+
+/// What follows for the run.
+#[derive(Clone, PartialEq, Eq, Debug)]
+pub(super) enum Verdict {
+    /// Nothing.
+    GoesOn,
+    /// It is over.
+    Over,
+    /// It is over and has failed.
+    Failed(String),
+}
+
+/// What is known of how a run goes.
+#[derive(Debug)]
+pub(super) struct Judge {
+    /// Whether a ground station plans for all; otherwise every vehicle has a mission of its own.
+    is_swept: bool,
+    expect: Expect,
+    /// When and how the mission of each vehicle ended.
+    missions: Vec<Mission>,
+    is_done: bool,
+}
+
+impl Judge {
+    /// Makes the judge of a run that has not begun.
+    pub fn new(is_swept: bool, expect: Expect, vehicles: &[VehicleId]) -> Judge {
+        let missions = vehicles.iter().map(|id| (*id, None)).collect();
+        Judge { is_swept, expect, missions, is_done: false }
+    }
+
+    /// Returns whether the sweep that is wanted was driven to its end, or every mission has ended.
+    pub fn is_done(&self) -> bool {
+        self.is_done
+    }
+
+    /// Returns when and how the mission of each vehicle ended.
+    pub fn missions(&self) -> &[Mission] {
+        &self.missions
+    }
+
+    /// Takes a note of the ground station.
+    pub fn hear(&mut self, note: &GroundNote) {
+        self.is_done |= matches!(note, GroundNote::RunClosed { run, .. } if *run == RUN);
+    }
+
+    /// Takes that the mission of a vehicle has ended; who is dead is not waited for.
+    pub fn mission_ended(&mut self, now: Time, vehicle: usize, end: End, is_dead: &[bool]) {
+        self.missions[vehicle].1 = Some((now, end));
+        let mut alive = self.missions.iter().zip(is_dead).filter(|(_, is_dead)| !**is_dead);
+        self.is_done |= !self.is_swept && alive.all(|(mission, _)| mission.1.is_some());
+    }
+
+    /// Takes that a vehicle came home, of which so many are home now and so many could be. Where all are expected there,
+    /// whatever an operator can hear of them, this is the end.
+    pub fn came_home(&self, home: usize, alive: usize) -> Verdict {
+        if self.expect == Expect::Home && home == alive { Verdict::Over } else { Verdict::GoesOn }
+    }
+
+    /// Takes how the operator's script ended.
+    pub fn script_ended(&self, end: &ScriptEnd) -> Verdict {
+        match end {
+            ScriptEnd::Done => Verdict::Over,
+            ScriptEnd::GaveUp { why, .. } => Verdict::Failed(why.clone()),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use tomoswarm_proto::RunId;
+
+    use super::super::operator_script::EMPTY_RUN;
+    use super::*;
+
+    fn judge(is_swept: bool, expect: Expect) -> Judge {
+        Judge::new(is_swept, expect, &[VehicleId(1), VehicleId(2), VehicleId(3)])
+    }
+
+    #[test]
+    fn only_the_sweep_that_is_wanted_counts() {
+        let mut judge = judge(true, Expect::Finished);
+        let closed = |run: RunId| GroundNote::RunClosed { run, links: 1, samples: 1 };
+        judge.hear(&closed(EMPTY_RUN));
+        judge.hear(&GroundNote::Stalled(RUN));
+        assert!(!judge.is_done());
+        judge.hear(&closed(RUN));
+        assert!(judge.is_done());
+    }
+
+    #[test]
+    fn missions_are_done_when_all_that_are_alive_have_ended_theirs() {
+        let mut judge = judge(false, Expect::Finished);
+        let dead = [false, true, false];
+        judge.mission_ended(Time::ZERO, 0, End::Done, &dead);
+        assert!(!judge.is_done());
+        judge.mission_ended(Time::ZERO, 2, End::NoRoom, &dead);
+        assert!(judge.is_done());
+        assert_eq!(judge.missions()[1], (VehicleId(2), None));
+        assert_eq!(judge.missions()[2].1, Some((Time::ZERO, End::NoRoom)));
+    }
+
+    #[test]
+    fn who_comes_home_ends_a_run_only_where_all_are_expected_there() {
+        assert_eq!(judge(true, Expect::Home).came_home(3, 3), Verdict::Over);
+        assert_eq!(judge(true, Expect::Home).came_home(2, 3), Verdict::GoesOn);
+        assert_eq!(judge(true, Expect::Finished).came_home(3, 3), Verdict::GoesOn);
+    }
+
+    #[test]
+    fn an_operator_that_gives_up_has_failed_with_its_reason() {
+        let judge = judge(true, Expect::Finished);
+        assert_eq!(judge.script_ended(&ScriptEnd::Done), Verdict::Over);
+        let gave_up = ScriptEnd::GaveUp { step: 3, why: "nobody came".to_owned() };
+        assert_eq!(judge.script_ended(&gave_up), Verdict::Failed("nobody came".to_owned()));
+    }
+}
