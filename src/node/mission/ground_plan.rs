@@ -119,6 +119,8 @@ impl GroundPlan {
             }
             (_, Some(WaitsFor::Stop { .. })) => MissionPhase::Yielding,
             (_, Some(WaitsFor::Dwell { .. })) => MissionPhase::Dwelling,
+            // An empty revision only brings everyone to rest: the next one says where to go.
+            (_, Some(WaitsFor::Nothing)) if self.stops_done().1 == 0 => MissionPhase::Waiting,
             (_, Some(WaitsFor::Nothing)) => MissionPhase::Over,
             (Some(_), None) => MissionPhase::Going,
             (None, None) => MissionPhase::Waiting,

@@ -100,7 +100,7 @@ fn end_on_wire(end: &End) -> MissionEnd {
 mod tests {
     use tomoswarm_proto::OrderKind;
 
-    use super::super::tests::{at, order, planned, told};
+    use super::super::tests::{at, order, plan, planned, told};
     use super::*;
     use crate::actor::Actor;
     use crate::geom::Point;
@@ -128,6 +128,17 @@ mod tests {
         let said = mission.on_wire();
         assert_eq!((said.phase, said.end), (MissionPhase::Over, Some(MissionEnd::Done)));
         assert_eq!((said.share, said.places_left, said.goal), (Some(Permille::WHOLE), 0, None));
+    }
+
+    #[test]
+    fn who_only_rests_for_the_next_plan_is_not_said_to_be_over() {
+        let mut mission = Mission::new(settings(1));
+        told(&mut mission, 1.0, In::State(own_state(0.0, 0.0)));
+        told(&mut mission, 1.0, plan(1, &[]));
+        told(&mut mission, 1.1, order(OrderKind::Start));
+        told(&mut mission, 1.2, In::State(own_state(0.0, 0.0)));
+        let said = mission.on_wire();
+        assert_eq!((said.phase, said.is_at_home), (MissionPhase::Waiting, true));
     }
 
     #[test]
