@@ -76,6 +76,14 @@ impl FleetView {
         }
     }
 
+    /// Returns whether something shows more than that a vehicle is where it is: a State that shows the same start of its
+    /// software and the same order as the one before does not.
+    pub fn is_news(&self, heard: &Heard) -> bool {
+        let Heard::Message(_, Message::State(state)) = heard else { return true };
+        let key = |state: &State| (state.boot, state.ordered, state.accepted);
+        self.state(state.vehicle).is_none_or(|known| key(&known.value) != key(state))
+    }
+
     /// Returns what a vehicle has said; `None` when it was not heard.
     pub fn vehicle(&self, id: VehicleId) -> Option<&VehicleView> {
         self.vehicles.get(&id)
@@ -245,6 +253,26 @@ mod tests {
         assert_eq!(view.ground(at(4.5)).unwrap().value.store, 1);
         assert_eq!(view.ground(at(5.5)).unwrap().value.store, 2, "the other has been silent");
         assert_eq!(view.ground(at(9.5)), None);
+    }
+
+    #[test]
+    fn a_state_is_news_when_it_shows_another_start_or_order() {
+        let mut view = FleetView::default();
+        let mut said = state(3);
+        let mut is_news = |said: &State| {
+            let heard = heard(Message::State(said.clone()));
+            let is_news = view.is_news(&heard);
+            view.hear(at(0.0), &heard);
+            is_news
+        };
+        assert!(is_news(&said), "it was not heard before");
+        said.sequence += 1;
+        assert!(!is_news(&said));
+        said.ordered.revision.0 += 1;
+        assert!(is_news(&said));
+        said.boot.0 += 1;
+        assert!(is_news(&said));
+        assert!(view.is_news(&heard(Message::Report(report()))));
     }
 
     #[test]

@@ -42,6 +42,8 @@ use crate::time::{Deadline, Time};
 const GREETS_EVERY: Duration = Duration::from_secs(2);
 /// Who holds a lease greets this often: ground stations plan under it as long as they hear its holder.
 const HOLDER_GREETS_EVERY: Duration = Duration::from_secs(1);
+/// While nothing new is heard it is looked this often whether somebody has fallen silent.
+const LOOKS_EVERY: Duration = Duration::from_millis(500);
 /// After so long on the bus everyone who is there was heard.
 const LISTEN: Duration = Duration::from_millis(1500);
 
@@ -107,6 +109,8 @@ pub struct Operator {
     last_want: LastWant,
     script_wants: u32,
     next: Option<(Time, Due)>,
+    /// When all was looked at last, if nothing follows from what is no news: every want is in force, and nobody doubts it.
+    settled: Option<Time>,
 }
 
 /// A want that is brought about, or stands.
@@ -147,6 +151,7 @@ impl Operator {
             last_want: LastWant::Open,
             script_wants: 0,
             next: None,
+            settled: None,
         }
     }
 
@@ -155,9 +160,18 @@ impl Operator {
         &self.view
     }
 
-    fn hear(&mut self, now: Time, heard: &Heard) {
+    /// Takes what came over the bus; returns whether anything may follow from it.
+    fn hear(&mut self, now: Time, heard: &Heard) -> bool {
+        let was_looked_at = self.settled.is_some_and(|at| now.since(at) < LOOKS_EVERY);
+        let matters = !was_looked_at || self.view.is_news(heard);
         self.view.hear(now, heard);
-        self.wants.values_mut().for_each(|pursuit| pursuit.ordering.hear(now, heard));
+        for pursuit in self.wants.values_mut() {
+            match matters {
+                true => pursuit.ordering.hear(now, heard),
+                false => pursuit.ordering.look(now, heard),
+            }
+        }
+        matters
     }
 
     /// Takes up a want; what it wants of vehicles counts more than what was wanted of them before.
@@ -226,6 +240,8 @@ impl Operator {
         self.greet(now, out);
         out.append(&mut said);
         self.next = self.due_next(now);
+        let is_settled = self.wants.values().all(|pursuit| pursuit.is_settled(now));
+        self.settled = is_settled.then_some(now);
     }
 
     fn follow_script(&mut self, now: Time, out: &mut Vec<Out>) {
@@ -370,7 +386,11 @@ impl Actor for Operator {
 
     fn handle(&mut self, now: Time, input: In, out: &mut Vec<Out>) -> Result<(), Fault> {
         match input {
-            In::Bus(heard) => self.hear(now, &heard),
+            In::Bus(heard) => {
+                if !self.hear(now, &heard) {
+                    return Ok(());
+                }
+            }
             In::Linked(is_linked) => {
                 self.linked = self.linked.filter(|_| is_linked).or(is_linked.then_some(now));
             }

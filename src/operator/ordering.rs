@@ -174,6 +174,11 @@ impl Ordering {
         self.targets(now).iter().all(|id| self.withdrawn.contains(id) || is_settled(id))
     }
 
+    /// Takes what came over the bus and is no news, while everything is settled.
+    pub fn look(&mut self, now: Time, heard: &Heard) {
+        self.view.hear(now, heard);
+    }
+
     /// Takes what came over the bus.
     pub fn hear(&mut self, now: Time, heard: &Heard) {
         self.view.hear(now, heard);
