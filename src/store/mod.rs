@@ -4,6 +4,7 @@
 
 #![allow(clippy::disallowed_methods, reason = "the shell reads clocks and writes files")]
 
+mod durable;
 mod error;
 pub mod export;
 pub mod ground;
@@ -11,4 +12,5 @@ pub mod outbox;
 pub mod recording;
 mod sample_row;
 
+pub use durable::replace;
 pub use error::StoreError;
