@@ -21,10 +21,10 @@ fn main() -> ExitCode {
     let (mut sum, mut wrong) = (Tally::default(), 0);
     for seed in first..first + seeds {
         match play(seed, None) {
-            Ok(Tally { obeyed, not_obeyed, lowered_by_restart }) => {
+            Ok(Tally { obeyed, not_obeyed, below_disk }) => {
                 sum.obeyed += obeyed;
                 sum.not_obeyed += not_obeyed;
-                sum.lowered_by_restart += lowered_by_restart;
+                sum.below_disk += below_disk;
             }
             Err(what) => {
                 println!("{what}");
@@ -32,10 +32,10 @@ fn main() -> ExitCode {
             }
         }
     }
-    let Tally { obeyed, not_obeyed, lowered_by_restart } = sum;
+    let Tally { obeyed, not_obeyed, below_disk } = sum;
     println!(
-        "{seeds} worlds in {:.1} s: {wrong} wrong; {obeyed} orders obeyed, {not_obeyed} not; {lowered_by_restart} of a \
-         lower lease than before a restart",
+        "{seeds} worlds in {:.1} s: {wrong} wrong; {obeyed} orders obeyed, {not_obeyed} not; {below_disk} came to \
+         a vehicle started anew below what its disk had",
         began.elapsed().as_secs_f64()
     );
     if wrong == 0 { ExitCode::SUCCESS } else { ExitCode::FAILURE }

@@ -14,6 +14,7 @@ use crate::run::process::Finish;
 use crate::run::state_dir::StateDirError;
 use crate::run::trust::TrustError;
 use crate::run::vehicle_process::{self, Status, VehicleError};
+use crate::store::memory::MemoryError;
 
 /// Drive one vehicle: its actors, its drivers, its part of the bus.
 ///
@@ -89,6 +90,8 @@ pub(super) fn answer(finish: Finish) -> Result<(), CliError> {
 fn is_passing(error: &VehicleError) -> bool {
     match error {
         VehicleError::StateDir(error) => folder_is_passing(error),
+        VehicleError::Memory(MemoryError::Unread { source, .. }) => file_is_passing(source),
+        VehicleError::Memory(MemoryError::Damaged { .. } | MemoryError::Newer { .. }) => false,
         VehicleError::Bus(error) => bus_is_passing(error),
         VehicleError::Trust(error) => trust_is_passing(error),
         VehicleError::NoChance(_) | VehicleError::Thread(_) => true,
@@ -99,15 +102,20 @@ pub(super) fn unready(error: &dyn std::fmt::Display, is_passing: bool) -> CliErr
     if is_passing { CliError::NotNow(error.to_string()) } else { CliError::Usage(error.to_string()) }
 }
 
+fn file_is_passing(error: &std::io::Error) -> bool {
+    !matches!(
+        error.kind(),
+        ErrorKind::PermissionDenied
+            | ErrorKind::NotADirectory
+            | ErrorKind::IsADirectory
+            | ErrorKind::AlreadyExists
+            | ErrorKind::ReadOnlyFilesystem
+    )
+}
+
 pub(super) fn folder_is_passing(error: &StateDirError) -> bool {
     match error {
-        StateDirError::Io { source, .. } => !matches!(
-            source.kind(),
-            ErrorKind::PermissionDenied
-                | ErrorKind::NotADirectory
-                | ErrorKind::AlreadyExists
-                | ErrorKind::ReadOnlyFilesystem
-        ),
+        StateDirError::Io { source, .. } => file_is_passing(source),
         StateDirError::InUse { .. } | StateDirError::NoChance(_) => true,
         StateDirError::Count { .. } => false,
     }
@@ -168,11 +176,19 @@ mod tests {
             let path = PathBuf::from("state");
             VehicleError::from(StateDirError::Io { path, source: kind.into() })
         };
+        let memory = |kind: ErrorKind| {
+            let path = PathBuf::from("state/memory");
+            VehicleError::from(MemoryError::Unread { path, source: kind.into() })
+        };
+        let damaged = MemoryError::Damaged { path: "state/memory".into(), reason: "it is empty".to_owned() };
         let busy = BusError::Listen { endpoints: "tcp/127.0.0.1:1".to_owned(), reason: "in use".to_owned() };
         let bad = BusError::Settings { reason: "none".to_owned() };
         for (error, code) in [
             (folder(ErrorKind::StorageFull), 1),
             (folder(ErrorKind::PermissionDenied), 2),
+            (memory(ErrorKind::Interrupted), 1),
+            (memory(ErrorKind::IsADirectory), 2),
+            (VehicleError::from(damaged), 2),
             (VehicleError::from(busy), 1),
             (VehicleError::from(bad), 2),
             (VehicleError::from(TrustError::Key { path: PathBuf::from("key.pem") }), 2),

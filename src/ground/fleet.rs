@@ -312,6 +312,7 @@ impl Dealings {
     /// below `lease`.
     fn take_echo(&mut self, echo: Ordered, accepted: RunId, lease: Lease) -> Option<RunId> {
         let known = self.echo.replace(echo);
+        self.go_above(echo);
         let kind = echo.kind.filter(|_| known != Some(echo))?;
         let of = |order: &Order| (order.lease, order.revision);
         let is_own = self
@@ -335,6 +336,16 @@ impl Dealings {
         let is_fresh = known.is_some() || (echo.lease >= lease && accepted < echo.run);
         self.earlier = (is_start && !is_fresh && echo.lease >= lease).then_some(echo.run);
         (is_start && is_fresh).then_some(echo.run)
+    }
+
+    /// Orders above what a vehicle that was started anew remembers of this lease: it obeys nothing lower.
+    fn go_above(&mut self, echo: Ordered) {
+        let pending = self.issued.as_mut().filter(|_| self.is_pending && echo.kind.is_none());
+        if let Some(order) =
+            pending.filter(|order| order.lease == echo.lease && order.revision < echo.revision)
+        {
+            order.revision = Revision(echo.revision.0.saturating_add(1));
+        }
     }
 
     /// Gives the run that a vehicle is in the middle of, though it was started before anything was heard of it: who
@@ -455,6 +466,20 @@ mod tests {
         assert!(!fleet.heard_state(at(43), state(1, 0, None)).found, "an old state is no sign of life");
         assert!(fleet.heard_state(at(43), state(2, 0, None)).found);
         assert_eq!(fleet.present(), [ONE, two]);
+    }
+
+    #[test]
+    fn what_waits_to_be_obeyed_goes_above_what_a_vehicle_started_anew_remembers() {
+        let check = |remembered: u32, expected: u32| {
+            let mut fleet = Fleet::new(&[ONE], LEASE);
+            heard(&mut fleet, 5, 3, OrderKind::Hold);
+            fleet.order_all(RunId(1), OrderKind::Return);
+            fleet.heard_state(Time::ZERO, State { boot: Boot(2), ..state(1, remembered, None) });
+            assert_eq!(fleet.open_orders()[0].revision, Revision(expected), "{remembered}");
+        };
+        check(3, 4);
+        check(4, 4);
+        check(7, 8);
     }
 
     #[test]

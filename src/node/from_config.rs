@@ -5,6 +5,7 @@ use std::time::Duration;
 
 use tomoswarm_proto::{Boot, VehicleId};
 
+use super::memory::Memory;
 use super::settings::{BodySettings, LookSettings, RadioSettings, Settings, Task};
 use crate::config::{self, Body, Look, OwnRadio, Safety, Sim, VehicleFile, Venue};
 use crate::geom::{Angle, Lattice, Point};
@@ -13,7 +14,7 @@ use crate::geom::{Angle, Lattice, Point};
 const PATH_TIME: Duration = Duration::from_millis(1);
 
 impl Settings {
-    /// Gives what a vehicle is told by a simulation's file; `boot` counts the starts of its software.
+    /// Gives what a vehicle is told by a simulation's file; `boot` counts the starts of its software. It remembers nothing.
     pub fn from_config(sim: &Sim, vehicle: VehicleId, boot: Boot, home: Point) -> Settings {
         Told {
             venue: &sim.venue,
@@ -27,7 +28,8 @@ impl Settings {
         .settings(vehicle, boot, home)
     }
 
-    /// Gives what a vehicle is told by the file of its own node; `boot` counts the starts of its software.
+    /// Gives what a vehicle is told by the file of its own node; `boot` counts the starts of its software. It
+    /// remembers nothing.
     pub fn from_vehicle_file(file: &VehicleFile, boot: Boot) -> Settings {
         Told {
             venue: &file.venue,
@@ -58,6 +60,7 @@ impl Told<'_> {
         Settings {
             vehicle,
             boot,
+            memory: Memory::default(),
             fence: self.venue.fence.clone(),
             home,
             lattice: Lattice::new(self.venue.cell_m),

@@ -7,6 +7,7 @@ mod ages;
 pub mod echo;
 mod from_config;
 pub mod map;
+pub mod memory;
 pub mod mission;
 pub mod outbox;
 mod own_state;
@@ -23,6 +24,7 @@ pub mod vehicle;
 mod vehicle_node;
 pub mod wiring;
 
+pub use memory::{Memory, Remembered};
 pub use own_state::OwnState;
 pub use route::{Effect, Event};
 pub use settings::{BodySettings, LookSettings, RadioSettings, Settings, Task};

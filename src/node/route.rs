@@ -9,11 +9,13 @@
 //!                                        disk ◄─Forget, Recall─ outbox      bus ──Have──► outbox
 //!  bus ──Plan, peers' State and Mission──► mission ──Mission──► radio (its progress, in beacons), bus
 //!  radio ──what peers' beacons tell──► mission, vehicle      bus ──whoever is heard──► mission
-//!  bus ──Order, peers' State──► vehicle ──Order (once accepted)──► mission
+//!  bus ──Order, peers' State──► vehicle ──Order (once it may be obeyed)──► mission
+//!  vehicle, mission ──Remember──► disk ──Remembered──► vehicle, mission
 //! ```
 
 use tomoswarm_proto::{Beacon, Boot, Message, RunId, Sample, Sender};
 
+use super::memory::{Memory, Remembered};
 use super::{map, mission, outbox, radio, sensor, vehicle};
 use crate::geom::Angle;
 
@@ -36,6 +38,8 @@ pub enum Event {
     Recalled(outbox::Recalled),
     /// There was no room for what was kept.
     Dropped(outbox::Dropped),
+    /// How it stands with what was to be remembered.
+    Remembered(Remembered),
 }
 
 /// What a vehicle wants done outside.
@@ -70,6 +74,8 @@ pub enum Effect {
     },
     /// How the outbox fares, for the operator.
     Tally(outbox::Tally),
+    /// This shall outlive the software, joined with what does already; the answer is an [`Event::Remembered`].
+    Remember(Memory),
     /// Something worth a line in the log.
     Note(Note),
 }
@@ -136,6 +142,10 @@ pub(crate) fn route(output: Output, to: &mut Vec<Destination>) {
         }
         Output::Edge(Event::Recalled(chunk)) => to.push(Destination::Outbox(outbox::In::Recalled(chunk))),
         Output::Edge(Event::Dropped(dropped)) => to.push(Destination::Outbox(outbox::In::Dropped(dropped))),
+        Output::Edge(Event::Remembered(remembered)) => {
+            to.push(Destination::Vehicle(vehicle::In::Remembered(remembered)));
+            to.push(Destination::Mission(mission::In::Remembered(remembered)));
+        }
         Output::Vehicle(out) => route_vehicle(out, to),
         Output::Sensor(sensor::Out::Steer(beam)) => to.push(Destination::Edge(Effect::Steer(beam))),
         Output::Sensor(sensor::Out::Ping(ping)) => to.push(Destination::Edge(Effect::Ping(ping))),
@@ -207,6 +217,7 @@ fn route_vehicle(out: vehicle::Out, to: &mut Vec<Destination>) {
             to.push(Destination::Radio(radio::In::State(state.clone())));
             to.push(Destination::Mission(mission::In::State(state)));
         }
+        vehicle::Out::Remember(memory) => to.push(Destination::Edge(Effect::Remember(memory))),
         vehicle::Out::Order(order) => to.push(Destination::Mission(mission::In::Order(order))),
         vehicle::Out::Publish(state) => to.push(Destination::Edge(Effect::Publish(Message::State(state)))),
         vehicle::Out::Remark(remark) => {
@@ -229,6 +240,7 @@ fn route_mission(out: mission::Out, to: &mut Vec<Destination>) {
             to.push(Destination::Radio(radio::In::Progress(mission.progress)));
             to.push(Destination::Edge(Effect::Publish(Message::Mission(mission))));
         }
+        mission::Out::Remember(memory) => to.push(Destination::Edge(Effect::Remember(memory))),
         mission::Out::Measure(run) => to.push(Destination::Radio(radio::In::Measure(run))),
         mission::Out::Remark(remark) => to.push(Destination::Edge(Effect::Note(Note::Mission(remark)))),
     }

@@ -5,6 +5,7 @@ use std::time::Duration;
 use serde::{Deserialize, Serialize};
 use tomoswarm_proto::{Boot, VehicleId};
 
+use super::memory::Memory;
 use crate::config::{Safety, Swarm};
 use crate::geom::{Angle, Lattice, Point, Polygon};
 use crate::plan::Mounts;
@@ -16,6 +17,8 @@ pub struct Settings {
     pub vehicle: VehicleId,
     /// Which start of its software.
     pub boot: Boot,
+    /// What its earlier starts have left.
+    pub memory: Memory,
     /// Where vehicles may be.
     pub fence: Polygon,
     /// Where it returns to.

@@ -50,6 +50,7 @@ pub fn settings(vehicle: u8) -> Settings {
     Settings {
         vehicle: VehicleId(vehicle),
         boot: Boot(1),
+        memory: Default::default(),
         fence: Rect::new(Point::new(-5.0, -5.0), Point::new(25.0, 25.0)).polygon(),
         home: Point::new(0.0, 0.0),
         lattice: Lattice::new(0.2),

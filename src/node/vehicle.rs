@@ -1,7 +1,7 @@
 //! The vehicle actor: the last word before the autopilot, and the first to know where the vehicle is.
 //!
-//! It is told telemetry, scans, commands of the mission, orders and the peers' states. It says what to
-//! fly, its own `State`, accepted orders, and remarks. It checks every command against the envelope
+//! It is told telemetry, scans, commands of the mission, orders, the peers' states and what the disk has. It says what to
+//! fly, its own `State`, what is to be remembered, orders that are obeyed, and remarks. It checks every command against the envelope
 //! (a fresh and certain pose, a finite route that begins here, the fence, the peers, what made the reflex halt) and
 //! always drives at the configured speed. It judges the age of orders and of commands. Off plan, where no order of
 //! precedence protects it, it also yields: it stops as soon as a peer that moves claims what lies ahead. It has the
@@ -13,6 +13,10 @@
 //! mission had decided before it is not driven any more, and nothing is driven while an order to hold or to land stands.
 //! After an emergency, or an order to land, a rover holds at once and is disarmed as soon as it rests; cutting the
 //! motors disarms it at once. A start arms it again. A stop and a disarming are said again until telemetry shows them.
+//!
+//! An order is shown, handed on and, where it frees, obeyed once it is on the vehicle's disk; what stops or cuts the motors
+//! does so at once, and is written then (`orders.rs`). So a vehicle that is started anew obeys nothing lower than it has
+//! ever shown. It begins free all the same, and waits for a start.
 //!
 //! Four machines run side by side; each has its file, which alone writes its fields. Two say what the vehicle may do and
 //! what it was told to do. The others are drawn in their files: how far a disarming has come (`disarming.rs`), and
@@ -57,9 +61,10 @@ use tomoswarm_proto::{Order, Revision, RunId, StandReason, State, VehicleId};
 
 use self::last_telemetry::LastTelemetry;
 use self::movement::Movement;
-use self::orders::Orders;
+use self::orders::{Accepted, Orders};
 use self::reflex::Reflex;
 use self::report::Reports;
+use super::memory::{Memory, Remembered};
 use super::peers::{Peers, join_states};
 use super::radio::Sighting;
 use super::sensor::Scan;
@@ -95,6 +100,8 @@ pub enum In {
     Sighted(Sighting),
     /// The mission follows this plan now.
     Accepted(RunId, Revision),
+    /// How it stands with what was to be remembered.
+    Remembered(Remembered),
 }
 
 /// What the vehicle actor can say.
@@ -106,6 +113,8 @@ pub enum Out {
     State(OwnState),
     /// To the other nodes, less often, as it travels.
     Publish(State),
+    /// This is to be remembered. What follows from it is said when it is.
+    Remember(Memory),
     /// An order that is to be obeyed.
     Order(Order),
     /// Something that mission and operator should know.
@@ -129,10 +138,10 @@ impl Vehicle {
     pub fn new(settings: Settings) -> Vehicle {
         Vehicle {
             peers: Peers::new(settings.vehicle),
+            orders: Orders::remembering(settings.memory),
             settings,
             telemetry: LastTelemetry::default(),
             movement: Movement::default(),
-            orders: Orders::default(),
             reflex: Reflex::default(),
             reports: Reports::default(),
         }
@@ -195,10 +204,24 @@ impl Vehicle {
         if order.vehicle != self.settings.vehicle || !self.orders.accepts(&order, is_answer) {
             return;
         }
+        if self.orders.awaits_disk(&order) {
+            return self.orders.renew(order);
+        }
         if orders::stops(order.kind) {
             self.stop(now, out);
         }
-        out.extend(self.orders.obey(now, &order).map(Out::Fly));
+        let Accepted { motors, memory } = self.orders.accept(now, order);
+        out.extend(motors.map(Out::Fly));
+        out.extend(memory.map(Out::Remember));
+        self.obey(now, out);
+    }
+
+    /// Obeys the order that has waited for the disk, if it need not any more.
+    fn obey(&mut self, now: Time, out: &mut Vec<Out>) {
+        let (reports, boot) = (&self.reports, self.settings.boot);
+        let is_answer = |order: &Order| reports.is_answer(now, boot, order.seen);
+        let Some((order, motors)) = self.orders.obey(now, is_answer) else { return };
+        out.extend(motors.map(Out::Fly));
         out.push(Out::Order(order));
     }
 
@@ -235,6 +258,10 @@ impl Actor for Vehicle {
                 self.yield_to(now, sighting.progress.vehicle, out);
             }
             In::Accepted(run, revision) => self.reports.note_accepted(run, revision),
+            In::Remembered(remembered) => {
+                self.orders.remembered(remembered);
+                self.obey(now, out);
+            }
         }
         Ok(())
     }
@@ -267,6 +294,8 @@ pub enum Key {
     Accepted,
     /// Whether the mission holds.
     Holds,
+    /// How it stands with the disk.
+    Remembered,
 }
 
 impl Input for In {
@@ -282,6 +311,7 @@ impl Input for In {
             In::Peer(state) => Class::Latest(Key::Peer(state.vehicle)),
             In::Sighted(sighting) => Class::Latest(Key::Sighted(sighting.progress.vehicle)),
             In::Accepted(..) => Class::Latest(Key::Accepted),
+            In::Remembered(_) => Class::Latest(Key::Remembered),
         }
     }
 

@@ -4,7 +4,7 @@
 //! ```text
 //!   unheard ──State──► issued ──State shows it──► obeyed
 //!      │                │  ▲ └─a higher order of another kind─► contested (a start that the ground brings about)
-//!      │ (emergency)    │  └── the echo fell back: started anew     │ the ground stands by it      │ it does not
+//!      │ (emergency)    │  └── the echo has no kind: started anew   │ the ground stands by it      │ it does not
 //!      ▼                ▼                                           ▼                              ▼
 //!   sent blindly     sent again every 100 ms                      obeyed                       overruled
 //! ```
@@ -31,6 +31,9 @@
 //!
 //! **Standing.** An order by hand is over when it is obeyed. One that [stands](Ordering::standing) is told again to whoever
 //! was started anew since, until somebody has ordered something else, or a greater lease is in force than its own.
+//!
+//! **Started anew.** A vehicle remembers the highest order that it has obeyed, and shows it without its kind until it obeys
+//! another. Within the own lease the order goes above it; a greater lease has overruled it, unless it is an emergency.
 //!
 //! **Strangers.** Who greets with another venue file or wire version does not listen to this operator: it is named and not
 //! sent anything but an emergency, which it obeys whatever its venue file says.
@@ -331,6 +334,7 @@ impl Ordering {
                 delivery.forget(in_force);
             }
             (delivery.obeyed, delivery.contested) = (None, None);
+            delivery.look_at_memory(echo, is_emergency);
             return;
         };
         let is_same_lease = echo.lease == issued.lease;

@@ -71,8 +71,9 @@ impl Rover {
 
     /// Obeys an order if it is above the echo.
     pub fn obey(&mut self, order: &Order) {
-        let is_newer = (order.lease, order.revision) > self.state.ordered.edition();
-        if order.vehicle == self.state.vehicle && is_newer {
+        let (edition, echo) = ((order.lease, order.revision), self.state.ordered);
+        let is_again = edition == echo.edition() && echo.kind.is_none() && edition != Default::default();
+        if order.vehicle == self.state.vehicle && (edition > echo.edition() || is_again) {
             let Order { lease, revision, run, kind, .. } = *order;
             self.state.ordered = Ordered { lease, revision, run, kind: Some(kind) };
         }
@@ -82,6 +83,13 @@ impl Rover {
     pub fn say(&mut self) -> Heard {
         self.state.sequence += 1;
         heard(Message::State(self.state.clone()))
+    }
+
+    /// Starts anew, and remembers by whose right it was ordered.
+    pub fn restart_remembering(&mut self) {
+        let remembered = Ordered { kind: None, ..self.state.ordered };
+        self.restart();
+        self.state.ordered = remembered;
     }
 
     /// Starts anew: nothing was ordered yet.

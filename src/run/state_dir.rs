@@ -9,7 +9,6 @@
 //! it is chance alone: a lower number than before, but hardly one that was used.
 
 use std::fs::{self, File};
-use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, SystemTime};
 
@@ -17,6 +16,7 @@ use rustix::fs::{FlockOperation, flock, statvfs};
 use tomoswarm_proto::Boot;
 
 use super::membership::{self, NoChance};
+use crate::store::replace;
 
 /// From 1970 to 2020.
 const UNTIL_2020: Duration = Duration::from_secs(1_577_836_800);
@@ -83,16 +83,7 @@ impl StateDir {
         }
         let count_path = path.join("boot");
         let boot = next_boot(&count_path)?;
-        let fresh = path.join("boot.new");
-        let write = || {
-            let mut file = File::create(&fresh)?;
-            writeln!(file, "{boot}")?;
-            file.sync_all()?;
-            fs::rename(&fresh, &count_path)?;
-            // The rename itself must outlive a power cut as well.
-            File::open(path)?.sync_all()
-        };
-        write().map_err(io(&count_path))?;
+        replace(&count_path, &format!("{boot}\n")).map_err(io(&count_path))?;
         Ok(StateDir { path: path.to_owned(), boot, _lock: lock })
     }
 

@@ -1,6 +1,9 @@
 //! `tomoswarm vehicle`: brings a vehicle's actors together with the bus, the disk and the link to a world, which stands for
 //! autopilot, range sensor and radio, and keeps them until it is asked to stop. Drivers of real devices are not here yet.
 //!
+//! By whose right it was ordered is read from its folder before it joins anything: a vehicle that cannot know it does not
+//! start. When it cannot be written under way, that is a trouble, and no start is obeyed (`node/vehicle/orders.rs`).
+//!
 //! At the end the mission is sent home; it may be in the middle of a search. Until it has ended and the vehicle stands, but
 //! for three seconds at most, the vehicle is told to stop, again and again. Then all actors end, the vehicle is told to
 //! stop a last time, when nobody is left who could say anything else; the disk is flushed, and the bus is left.
@@ -29,6 +32,7 @@ use crate::geom::Lattice;
 use crate::node::outbox::Tally;
 use crate::node::vehicle::Fly;
 use crate::node::{Effect, Event, Settings, VehicleWiring};
+use crate::store::memory::{MemoryDriver, MemoryError, MemoryFile};
 use crate::store::outbox::{OutboxDriver, OutboxSettings};
 use crate::store::recording::{About, Limits, Recorder};
 use crate::time::Time;
@@ -64,6 +68,9 @@ pub enum VehicleError {
     /// Its folder cannot be used.
     #[error(transparent)]
     StateDir(#[from] StateDirError),
+    /// What it has obeyed before cannot be known.
+    #[error(transparent)]
+    Memory(#[from] MemoryError),
     /// The bus cannot be opened.
     #[error(transparent)]
     Bus(#[from] BusError),
@@ -130,6 +137,7 @@ struct Edge {
     mouth: Mouth,
     world: WorldLink,
     outbox: OutboxDriver,
+    memory: MemoryDriver,
     last: Arc<Mutex<Last>>,
     node: LiveVehicle,
     clock: Clock,
@@ -160,6 +168,7 @@ impl Edge {
             Effect::Keep(run, sample) => self.outbox.keep(*run, *sample),
             Effect::Forget { boot, run, below } => self.outbox.forget(*boot, *run, *below),
             Effect::Recall { after } => self.outbox.recall(*after),
+            Effect::Remember(memory) => self.memory.remember(*memory),
             Effect::Tally(tally) => lock(&self.last).tally = *tally,
         }
     }
@@ -177,7 +186,9 @@ pub fn run(
 ) -> Result<Finish, VehicleError> {
     let mut process = Process::begin();
     let state_dir = StateDir::open(Path::new(&file.state_dir))?;
-    let settings = Settings::from_vehicle_file(file, state_dir.boot());
+    let memory_file = MemoryFile::at(state_dir.join("memory"));
+    let remembered = memory_file.read()?;
+    let settings = Settings { memory: remembered, ..Settings::from_vehicle_file(file, state_dir.boot()) };
     let sender = Sender::Vehicle(file.id);
     let hello = membership::greeting(sender, state_dir.boot(), &file.venue, CAPABILITIES.to_vec())?;
     let node = LiveVehicle::default();
@@ -194,8 +205,11 @@ pub fn run(
     let last = Arc::new(Mutex::<Last>::default());
     let world = link(file, &state_dir, node.clone(), last.clone())?;
     let outbox = outbox(file, &state_dir, node.clone())?;
+    let told = node.clone();
+    let memory = MemoryDriver::start(memory_file, remembered, move |event| told.tell(event))?;
     let clock = process.context().clock;
-    let edge = Arc::new(Edge { mouth: member.mouth(), world, outbox, last, node: node.clone(), clock });
+    let edge =
+        Arc::new(Edge { mouth: member.mouth(), world, outbox, memory, last, node: node.clone(), clock });
     let of_actors = edge.clone();
     let recorder = recorder(file.record, &state_dir, &format!("vehicle/{}", file.id), text, settings.lattice);
     let carry_out = move |effect| of_actors.carry_out(effect);
@@ -320,6 +334,10 @@ impl Edge {
         }
         if let Some(moved) = health.moved_aside {
             troubles.raise("outbox file", moved);
+        }
+        match self.memory.trouble() {
+            Some(trouble) => troubles.raise("memory", trouble),
+            None => troubles.clear("memory"),
         }
     }
 

@@ -1,19 +1,32 @@
-//! The disk of a simulated vehicle: what it has measured and the ground may not have yet. It outlives a restart, never
-//! fails and takes no time.
+//! The disk of a simulated vehicle: what it has measured and the ground may not have yet, and by whose right it was ordered
+//! and planned for. It outlives a restart, never fails and takes no time.
 
 use std::collections::BTreeMap;
 
 use tomoswarm_proto::{Boot, RunId, Sample};
 
 use crate::node::outbox::{CHUNK, Place, Recalled};
+use crate::node::{Memory, Remembered};
 
-/// Samples by their places.
+/// Samples by their places, and what must not be forgotten.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Disk {
     kept: BTreeMap<Place, Sample>,
+    memory: Memory,
 }
 
 impl Disk {
+    /// Remembers this as well; returns how it stands then.
+    pub fn remember(&mut self, memory: Memory) -> Remembered {
+        self.memory = self.memory.join(memory);
+        Remembered { on_disk: self.memory, tried: self.memory }
+    }
+
+    /// Returns all that was remembered.
+    pub fn memory(&self) -> Memory {
+        self.memory
+    }
+
     /// Keeps a sample.
     pub fn keep(&mut self, boot: Boot, run: RunId, sample: Sample) {
         self.kept.insert(Place { boot, run, sequence: sample.sequence }, sample);

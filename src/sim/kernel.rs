@@ -360,6 +360,9 @@ impl Kernel {
                 return Some(node::Event::Recalled(self.disks[vehicle].recall(after)));
             }
             node::Effect::Forget { boot, run, below } => self.disks[vehicle].forget(boot, run, below),
+            node::Effect::Remember(memory) => {
+                return Some(node::Event::Remembered(self.disks[vehicle].remember(memory)));
+            }
             node::Effect::Tally(_) => {}
         }
         None

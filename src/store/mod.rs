@@ -1,14 +1,17 @@
-//! What must outlive a process: the ground station's store, a vehicle's outbox on disk, and flight recordings.
+//! What must outlive a process: the ground station's store, a vehicle's outbox and memory on disk, and flight recordings.
 //!
 //! Nothing here decides; it writes what it is handed, and gives it back after a restart.
 
 #![allow(clippy::disallowed_methods, reason = "the shell reads clocks and writes files")]
 
+mod durable;
 mod error;
 pub mod export;
 pub mod ground;
+pub mod memory;
 pub mod outbox;
 pub mod recording;
 mod sample_row;
 
+pub use durable::replace;
 pub use error::StoreError;

@@ -385,6 +385,7 @@ fn settings(vehicle: u8, boot: u32) -> Settings {
     Settings {
         vehicle: VehicleId(vehicle),
         boot: Boot(boot),
+        memory: Default::default(),
         fence: Rect::new(Point::new(-50.0, -50.0), Point::new(100.0, 100.0)).polygon(),
         home: Point::new(0.0, 0.0),
         lattice: Lattice::new(0.2),

@@ -3,6 +3,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use tomoswarm::actor::ActorCell;
+use tomoswarm::node::Memory;
 use tomoswarm::node::vehicle::Vehicle;
 use tomoswarm::operator::operator_actor::{In, Operator, OperatorSettings};
 use tomoswarm::operator::want::{Want, WantId};
@@ -21,8 +22,18 @@ pub struct Rover {
     pub up_from: Time,
     pub in_force: Ordered,
     pub history: Vec<(Time, Ordered)>,
-    /// The greatest lease that it has ever obeyed.
-    pub highest: Lease,
+    pub disk: Disk,
+}
+
+/// A vehicle's disk, which takes its time, and what is judged of it.
+#[derive(Default)]
+pub struct Disk {
+    /// What is on it.
+    pub memory: Memory,
+    /// What is being written, and when that is done.
+    pub writes: Vec<(Time, Memory)>,
+    /// The highest edition that was ever on it, as orders are sent.
+    pub highest: (Lease, Revision),
 }
 
 /// An operator, and what is judged of it.

@@ -11,8 +11,8 @@ use std::time::Duration;
 use tomoswarm::actor::Actor;
 use tomoswarm::config::{self, Config, Sim, bundled};
 use tomoswarm::geom::{Angle, Point, Pose};
-use tomoswarm::node::Settings;
 use tomoswarm::node::vehicle::{self, Motion, Telemetry, Vehicle};
+use tomoswarm::node::{Memory, Remembered, Settings};
 use tomoswarm::operator::Heard;
 use tomoswarm::operator::operator_actor::{In, Out};
 use tomoswarm::operator::outcome::{Outcome, VehicleOutcome};
@@ -24,7 +24,7 @@ use tomoswarm_proto::{
 };
 
 use super::chance::Chance;
-use super::nodes::{Hand, Rover, VEHICLES};
+use super::nodes::{Disk, Hand, Rover, VEHICLES};
 
 const TICK: Duration = Duration::from_millis(10);
 /// Nothing that the bus carries comes later.
@@ -52,6 +52,10 @@ pub enum Mistake {
     LeaseComparedWrongly,
     /// An operator takes a state that shows an old order of the same kind for obedience.
     OldStateCounts,
+    /// A vehicle that is started anew has forgotten what it obeyed.
+    MemoryLost,
+    /// A vehicle is told that its disk has what is only on its way there.
+    ToldTooEarly,
 }
 
 /// What came of a world.
@@ -61,8 +65,8 @@ pub struct Tally {
     pub obeyed: u64,
     /// Wants that ended otherwise for a vehicle.
     pub not_obeyed: u64,
-    /// Orders of a lower lease than one obeyed before the vehicle was started anew: it has forgotten that one.
-    pub lowered_by_restart: u64,
+    /// Orders that reached a vehicle below what an earlier start of it has left on its disk: none may be obeyed.
+    pub below_disk: u64,
 }
 
 /// Who takes part.
@@ -126,8 +130,9 @@ fn sim() -> Sim {
     }
 }
 
-fn rover(sim: &Sim, id: VehicleId, boot: Boot) -> Vehicle {
-    Vehicle::new(Settings::from_config(sim, id, boot, Point::new(f64::from(id.0), 0.0)))
+fn rover(sim: &Sim, id: VehicleId, boot: Boot, memory: Memory) -> Vehicle {
+    let settings = Settings::from_config(sim, id, boot, Point::new(f64::from(id.0), 0.0));
+    Vehicle::new(Settings { memory, ..settings })
 }
 
 impl World {
@@ -135,12 +140,12 @@ impl World {
         let (chance, sim) = (Chance::new(seed), sim());
         let rovers = (1..=VEHICLES).map(VehicleId).map(|id| Rover {
             id,
-            actor: rover(&sim, id, Boot(1)),
+            actor: rover(&sim, id, Boot(1), Memory::default()),
             boot: Boot(1),
             up_from: Time::ZERO,
             in_force: Ordered::default(),
             history: vec![(Time::ZERO, Ordered::default())],
-            highest: Lease::default(),
+            disk: Disk::default(),
         });
         let rovers = rovers.collect();
         let mut world = World {
@@ -226,6 +231,7 @@ impl World {
     fn tick(&mut self) {
         self.now = self.now + TICK;
         self.restart();
+        self.write();
         self.deliver();
         self.give_wants();
         self.drive();
@@ -246,7 +252,11 @@ impl World {
                 Node::Vehicle(index) => {
                     let rover_of = &mut self.rovers[index];
                     rover_of.boot.0 += 1;
-                    rover_of.actor = rover(&self.sim, rover_of.id, rover_of.boot);
+                    // What was being written is lost.
+                    rover_of.disk.writes.clear();
+                    let is_lost = self.mistake == Some(Mistake::MemoryLost);
+                    let memory = if is_lost { Memory::default() } else { rover_of.disk.memory };
+                    rover_of.actor = rover(&self.sim, rover_of.id, rover_of.boot, memory);
                     rover_of.up_from = now + down;
                     rover_of.in_force = Ordered::default();
                     rover_of.history.push((now, Ordered::default()));
@@ -299,10 +309,10 @@ impl World {
         if self.now < rover.up_from || order.vehicle != rover.id {
             return;
         }
+        let is_fresh = rover.history.last().is_some_and(|(_, in_force)| in_force.kind.is_none());
+        self.tally.below_disk += u64::from(is_fresh && (order.lease, order.revision) < rover.disk.highest);
         let mut order = order.clone();
-        if self.mistake == Some(Mistake::LeaseComparedWrongly) {
-            order.lease = turned(order.lease);
-        }
+        order.lease = self.as_compared(order.lease);
         self.step_vehicle(index, vehicle::In::Order(order));
     }
 
@@ -348,24 +358,67 @@ impl World {
             match said {
                 vehicle::Out::Publish(state) => self.publish_state(index, state),
                 vehicle::Out::Order(order) => self.obey(index, order),
+                vehicle::Out::Remember(memory) => self.begin_to_write(index, memory),
                 vehicle::Out::Fly(_) | vehicle::Out::State(_) | vehicle::Out::Remark(_) => {}
             }
         }
     }
 
+    /// Lets a disk begin to write, which takes up to 60 ms.
+    fn begin_to_write(&mut self, index: usize, memory: Memory) {
+        let ids = [index as u64, self.now.as_nanos()];
+        let takes =
+            Duration::from_millis(1) + Duration::from_millis(60).mul_f64(self.chance.share("write", &ids));
+        self.rovers[index].disk.writes.push((self.now + takes, memory));
+        if self.mistake == Some(Mistake::ToldTooEarly) {
+            self.tell_disk(index, memory);
+        }
+    }
+
+    /// Brings what is due on the disks, and tells it.
+    fn write(&mut self) {
+        for index in 0..self.rovers.len() {
+            let now = self.now;
+            let due: Vec<(Time, Memory)> =
+                self.rovers[index].disk.writes.extract_if(.., |(at, _)| *at <= now).collect();
+            for (_, memory) in due {
+                let edition = (self.as_compared(memory.ordered.lease), memory.ordered.revision);
+                let disk = &mut self.rovers[index].disk;
+                disk.memory = disk.memory.join(memory);
+                disk.highest = disk.highest.max(edition);
+                let memory = disk.memory;
+                if now >= self.rovers[index].up_from {
+                    self.tell_disk(index, memory);
+                }
+            }
+        }
+    }
+
+    fn tell_disk(&mut self, index: usize, memory: Memory) {
+        let told = Remembered { on_disk: memory, tried: memory };
+        self.step_vehicle(index, vehicle::In::Remembered(told));
+    }
+
+    /// Returns a lease that is sent as the vehicles compare it, and the other way round.
+    fn as_compared(&self, lease: Lease) -> Lease {
+        let is_turned = self.mistake == Some(Mistake::LeaseComparedWrongly) && lease != Lease::default();
+        if is_turned { turned(lease) } else { lease }
+    }
+
+    /// Judges what a vehicle shows: nothing that its disk does not have.
     fn publish_state(&mut self, index: usize, mut state: State) {
-        if self.mistake == Some(Mistake::LeaseComparedWrongly) && state.ordered.kind.is_some() {
-            state.ordered.lease = turned(state.ordered.lease);
+        state.ordered.lease = self.as_compared(state.ordered.lease);
+        let (shown, highest) = (state.ordered.edition(), self.rovers[index].disk.highest);
+        if shown > highest {
+            self.wrong = Some(format!("{} shows {shown:?}, and its disk has {highest:?}", state.vehicle));
         }
         let sender = Sender::Vehicle(state.vehicle);
         self.send(Node::Vehicle(index), &Heard::Message(sender, Message::State(state)));
     }
 
-    /// Judges what a vehicle obeys: never a lower lease than before, as long as it remembers.
+    /// Judges what a vehicle obeys: nothing lower than before, and than what is on its disk.
     fn obey(&mut self, index: usize, mut order: Order) {
-        if self.mistake == Some(Mistake::LeaseComparedWrongly) {
-            order.lease = turned(order.lease);
-        }
+        order.lease = self.as_compared(order.lease);
         let now = self.now;
         let rover = &mut self.rovers[index];
         let Order { lease, revision, run, kind, .. } = order;
@@ -375,8 +428,12 @@ impl World {
             self.wrong = Some(format!("vehicle {id} obeys {lease:?} {revision} after {before:?}"));
             return;
         }
-        self.tally.lowered_by_restart += u64::from(lease < rover.highest);
-        rover.highest = rover.highest.max(lease);
+        if (lease, revision) < rover.disk.highest {
+            let (id, highest) = (rover.id, rover.disk.highest);
+            self.wrong =
+                Some(format!("vehicle {id} obeys {lease:?} {revision}, and its disk has {highest:?}"));
+            return;
+        }
         rover.in_force = Ordered { lease, revision, run, kind: Some(kind) };
         rover.history.push((now, rover.in_force));
     }

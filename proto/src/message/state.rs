@@ -75,7 +75,7 @@ pub struct LegReport {
     pub route: Vec<Position>,
 }
 
-/// The highest order that a vehicle has accepted.
+/// The highest order that a vehicle has obeyed, over all starts of its software.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default, Serialize, Deserialize)]
 pub struct Ordered {
     /// By whose right.
@@ -84,7 +84,7 @@ pub struct Ordered {
     pub revision: Revision,
     /// In which run.
     pub run: RunId,
-    /// What was ordered; `None` = nothing yet.
+    /// What was ordered; `None` = nothing since its software was started. The rest is what it remembers then.
     pub kind: Option<OrderKind>,
 }
 

@@ -2,7 +2,7 @@
 
 use crate::node::radio::Sighting;
 use tomoswarm_proto::Sender;
-use tomoswarm_proto::{Boot, Mode, Revision};
+use tomoswarm_proto::{Boot, Lease, Mode, Revision};
 
 use super::super::tests_support::{own_state, settings, state};
 use super::tests::{at, driven, holds, order, plan, planned, told};

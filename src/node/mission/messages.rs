@@ -10,6 +10,7 @@ use super::autonomy::Cause;
 use crate::actor::{Class, Input};
 use crate::geom::Point;
 use crate::node::OwnState;
+use crate::node::memory::{Memory, Remembered};
 use crate::node::peers::join_states;
 use crate::node::radio::Sighting;
 use crate::node::vehicle::{self, Command};
@@ -37,6 +38,8 @@ pub enum In {
     Order(Order),
     /// What the vehicle's envelope or reflex decided.
     Remark(vehicle::Remark),
+    /// How it stands with what was to be remembered.
+    Remembered(Remembered),
 }
 
 /// What the mission actor can say.
@@ -50,6 +53,8 @@ pub enum Out {
     Accepted(RunId, Revision),
     /// How far it is with its mission, as it travels.
     Progress(Mission),
+    /// This is to be remembered. What follows from it is said when it is.
+    Remember(Memory),
     /// What is heard by radio belongs to this run from now on; `None` = to none.
     Measure(Option<RunId>),
     /// For log and operator.
@@ -158,6 +163,8 @@ pub enum Key {
     Heard(Sender),
     /// Accepted orders join by strength.
     Order,
+    /// How it stands with the disk.
+    Remembered,
 }
 
 impl Input for In {
@@ -173,6 +180,7 @@ impl Input for In {
             In::Sighted(sighting) => Class::Latest(Key::Sighted(sighting.progress.vehicle)),
             In::Heard(by) => Class::Latest(Key::Heard(*by)),
             In::Order(_) => Class::Latest(Key::Order),
+            In::Remembered(_) => Class::Latest(Key::Remembered),
             In::Remark(_) => Class::Queue,
         }
     }

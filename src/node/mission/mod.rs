@@ -1,12 +1,14 @@
 //! The mission actor: decides where the vehicle goes next, as its plan, its operator and its peers let it.
 //!
-//! It is told the own and the peers' states, tiles, plans, progress, orders and the vehicle's remarks. It says
-//! commands, progress, what it measures for, and remarks. How a way is driven is decided by `pilot`; the last word on
+//! It is told the own and the peers' states, tiles, plans, progress, orders, the vehicle's remarks and what the disk has. It
+//! says commands, progress, what it measures for, what is to be remembered, and remarks. How a way is driven is decided by `pilot`; the last word on
 //! safety has the vehicle actor.
 //!
 //! What is wanted of the vehicle is one state, see `goal`; what it is out for is the ground's plan (`ground_plan`) or a
 //! mission of its own (`kind`), whose steps `runner` carries out. Without an order it holds or returns when it hears
 //! nobody, has lost the bus or runs out of battery: see `autonomy`.
+//!
+//! A plan by a greater right than any before is taken once that lease is on the vehicle's disk: see `leases`.
 //!
 //! Deadlines: `repeat progress`, `the dwell at the stop ends`, `path ready`, `search again`.
 
@@ -15,6 +17,7 @@ mod goal;
 mod ground_plan;
 mod home;
 mod kind;
+mod leases;
 mod look_around;
 mod messages;
 mod pilot;
@@ -27,14 +30,16 @@ use std::collections::BTreeSet;
 use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
-use tomoswarm_proto::{Lease, Order, OrderKind, Plan, RunId, SeenState, StandReason, VehicleId};
+use tomoswarm_proto::{Order, OrderKind, Plan, RunId, SeenState, StandReason, VehicleId};
 
 use self::autonomy::Links;
 use self::goal::{By, Goal, Return, ReturnStage};
 use self::ground_plan::GroundPlan;
+use self::leases::PlanLeases;
 use self::pilot::{Met, Pilot};
 use self::runner::{Scene, StepRunner};
 use super::ages::Ages;
+use super::memory::Remembered;
 use super::peers::{Peer, Peers};
 use super::vehicle::{self, Command};
 use super::{OwnState, Settings};
@@ -67,8 +72,7 @@ pub struct Mission {
     peers: Peers,
     silent: BTreeSet<VehicleId>,
     ages: Ages,
-    /// The highest right by which it was ordered or planned for.
-    lease: Lease,
+    leases: PlanLeases,
     said_holds: Option<StandReason>,
     said_measure: Option<RunId>,
     repeat_at: Time,
@@ -77,6 +81,7 @@ pub struct Mission {
 impl Mission {
     /// Makes the actor of a vehicle that waits for plans and a start.
     pub fn new(settings: Settings) -> Mission {
+        let leases = PlanLeases::remembering(settings.memory);
         let repeat_at = Time::ZERO + REPEAT_EVERY + Duration::from_millis(53) * u32::from(settings.vehicle.0);
         Mission {
             pilot: Pilot::new(settings.clone()),
@@ -90,7 +95,7 @@ impl Mission {
             is_battery_low: false,
             silent: BTreeSet::new(),
             ages: Ages::default(),
-            lease: Lease::default(),
+            leases,
             said_holds: None,
             said_measure: None,
             repeat_at,
@@ -108,7 +113,7 @@ impl Mission {
             self.pilot.begin_at(place);
         }
         self.ages.note(now, state.sequence);
-        self.lease = self.lease.max(state.ordered.lease);
+        self.leases.follow(state.ordered.lease);
         self.state = Some(state);
         self.go_on(now, out);
     }
@@ -229,7 +234,9 @@ impl Mission {
         if let Err(remark) = self.plan.refuse(plan, is_old) {
             return out.extend(remark.map(Out::Remark));
         }
-        self.lease = self.lease.max(plan.lease);
+        if self.leases.is_greater(plan.lease) {
+            return out.extend(self.leases.wait_with(plan).map(Out::Remember));
+        }
         self.resume_for(now, plan, out);
         out.extend(self.plan.offer(plan).map(Out::Remark));
         self.report(out);
@@ -239,7 +246,7 @@ impl Mission {
     /// too long ago. (No state was made before the first; only what has heard none answers that.)
     fn is_old(&self, now: Time, plan: &Plan) -> bool {
         let is_own = plan.vehicle == self.settings.vehicle && plan.seen.is_some();
-        plan.lease < self.lease || (is_own && !self.answers(now, plan))
+        self.leases.are_above(plan.lease) || (is_own && !self.answers(now, plan))
     }
 
     /// Returns whether a plan answers a state that this start of the software made not long ago.
@@ -264,7 +271,7 @@ impl Mission {
     }
 
     fn order(&mut self, now: Time, order: Order, out: &mut Vec<Out>) {
-        self.lease = self.lease.max(order.lease);
+        self.leases.follow(order.lease);
         match order.kind {
             OrderKind::Start if matches!(self.goal, Goal::Home(_)) && self.is_battery_low => {
                 self.goal = Goal::Home(By::Order);
@@ -383,6 +390,11 @@ impl Actor for Mission {
             In::Heard(by) => self.links.heard_bus(now, self.settings.vehicle, by),
             In::Order(order) => self.order(now, order, out),
             In::Remark(remark) => self.remark(now, &remark),
+            In::Remembered(Remembered { on_disk, .. }) => {
+                for plan in self.leases.remembered(on_disk) {
+                    self.take_plan(now, &plan, out);
+                }
+            }
         }
         Ok(())
     }

@@ -27,7 +27,7 @@ impl Mission {
             slice: self.settings.slice,
             end: self.end(),
             is_at_home: self.state.as_ref().is_some_and(is_home),
-            lease_number: self.lease.number,
+            lease_number: self.leases.greatest().number,
         }
     }
 

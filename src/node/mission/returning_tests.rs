@@ -119,7 +119,8 @@ impl Ring {
                 Out::Command(_, Command::Drive { route, .. }) => self.drive(now_s, route),
                 Out::Command(_, Command::Turn(heading)) => self.heading = heading,
                 Out::Command(_, Command::Hold) => self.route.clear(),
-                Out::Holds(_) | Out::Accepted(..) | Out::Progress(_) | Out::Measure(_) | Out::Remark(_) => {}
+                Out::Holds(_) | Out::Accepted(..) | Out::Progress(_) | Out::Measure(_) => {}
+                Out::Remember(_) | Out::Remark(_) => {}
             }
         }
     }

@@ -19,6 +19,13 @@ pub(super) fn at(time_s: f64) -> Time {
 pub(super) fn told(mission: &mut Mission, time_s: f64, input: In) -> Vec<Out> {
     let mut out = Vec::new();
     mission.handle(at(time_s), input, &mut out).unwrap();
+    // The disk takes no time.
+    let memory =
+        out.iter().find_map(|out| if let Out::Remember(memory) = out { Some(*memory) } else { None });
+    if let Some(memory) = memory {
+        let remembered = Remembered { on_disk: memory, tried: memory };
+        mission.handle(at(time_s), In::Remembered(remembered), &mut out).unwrap();
+    }
     out
 }
 
@@ -79,6 +86,7 @@ pub(super) fn driven(out: &[Out]) -> Option<Vec<Point>> {
         | Out::Accepted(..)
         | Out::Progress(_)
         | Out::Measure(_)
+        | Out::Remember(_)
         | Out::Remark(_) => None,
     })
 }

@@ -1,42 +1,131 @@
 //! Which orders are obeyed, what they leave standing, and what two unread ones come to. By lease and revision alone the
 //! higher wins; what a vehicle flies by an order is not said here.
+//!
+//! An order that was accepted is remembered first, so that after a restart nothing lower is obeyed than what was shown:
+//!
+//! ```text
+//!   accepted ─what stops takes effect at once─► waiting ──on disk──► obeyed: shown, told the mission, motors armed
+//!                                                  │ └─the disk cannot be written─► obeyed, but for a start, which waits
+//!                                                  └─a higher one is accepted, or it has become too old─► gone
+//! ```
+//!
+//! (Stops and returns make nothing worse when they are forgotten after all; to refuse them because of a disk would.)
+//!
+//! Nothing lower than what was once handed to the disk is accepted any more, whether or not it was obeyed. What the disk
+//! has and this start of the software has not obeyed may come again: after a restart the order that stood is repeated.
 
 use serde::{Deserialize, Serialize};
-use tomoswarm_proto::{Order, OrderKind, Ordered};
+use tomoswarm_proto::{Lease, Order, OrderKind, Ordered, Revision};
 
 use super::restraint::Restraint;
 use super::words::{Fly, Telemetry};
+use crate::node::memory::{Memory, OrderEdition, Remembered};
 use crate::time::Time;
 
-/// The highest order obeyed, and what all of them leave standing.
+/// The highest order obeyed, one that waits for the disk, and what all of them leave standing.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub(super) struct Orders {
+    /// The highest order obeyed; without its kind what is above it and only remembered, such as that of earlier starts.
     highest: Ordered,
+    /// The highest edition that was handed to the disk.
+    asked: (Lease, Revision),
+    /// What the disk has, and what it was to have.
+    disk: Remembered,
+    /// An order that was accepted and waits for the disk.
+    waiting: Option<Order>,
     restraint: Restraint,
-    /// When one that stops the vehicle was obeyed last: what was decided before it is not driven.
+    /// When one that stops the vehicle took effect last: what was decided before it is not driven.
     stopped_at: Option<Time>,
 }
 
+/// What follows at once from an order that was accepted.
+#[derive(Clone, PartialEq, Debug)]
+pub(super) struct Accepted {
+    /// What the motors are told.
+    pub motors: Option<Fly>,
+    /// What is to be remembered, unless that was asked for before.
+    pub memory: Option<Memory>,
+}
+
 impl Orders {
+    /// Makes the orders of a vehicle whose earlier starts have left this.
+    pub fn remembering(memory: Memory) -> Orders {
+        Orders {
+            highest: memory.ordered.forgotten(),
+            asked: memory.ordered.key(),
+            disk: Remembered { on_disk: memory, tried: memory },
+            ..Orders::default()
+        }
+    }
+
     /// Returns whether an order to this vehicle is to be obeyed; `is_answer` when it answers a state that was made lately.
     /// To stop is never too late.
     pub fn accepts(&self, order: &Order, is_answer: bool) -> bool {
-        let is_newer = (order.lease, order.revision) > self.highest.edition();
-        let is_in_time = match order.kind {
-            OrderKind::Hold | OrderKind::Emergency | OrderKind::Land | OrderKind::CutMotors => true,
-            OrderKind::Start | OrderKind::Return => is_answer,
-        };
-        is_newer && is_in_time
+        let edition = (order.lease, order.revision);
+        let obeyed = self.highest.kind.map(|_| self.highest.edition()).unwrap_or_default();
+        edition > obeyed && edition >= self.asked && is_in_time(order.kind, is_answer)
     }
 
-    /// Takes an order that was accepted; returns what the motors are told at once.
-    pub fn obey(&mut self, now: Time, order: &Order) -> Option<Fly> {
-        let Order { vehicle: _, lease, run, revision, seen: _, kind, ends: _ } = *order;
+    /// Returns whether this order waits for the disk already; another one of the same edition is taken for it.
+    pub fn awaits_disk(&self, order: &Order) -> bool {
+        let edition = |order: &Order| (order.lease, order.revision);
+        self.waiting.as_ref().is_some_and(|waiting| edition(waiting) == edition(order))
+    }
+
+    /// Takes the same order again: it answers a newer state than it did.
+    pub fn renew(&mut self, order: Order) {
+        self.waiting = self.waiting.take().map(|waiting| Order { seen: order.seen, ..waiting });
+    }
+
+    /// Takes an order that is accepted. What holds the vehicle back does so at once.
+    pub fn accept(&mut self, now: Time, order: Order) -> Accepted {
+        let edition = OrderEdition { lease: order.lease, revision: order.revision, run: order.run };
+        let is_news = edition.key() > self.asked;
+        self.asked = edition.key();
+        if stops(order.kind) {
+            self.stopped_at = Some(now);
+        }
+        let motors = match order.kind {
+            OrderKind::Start | OrderKind::Return => None,
+            kind @ (OrderKind::Hold | OrderKind::Land | OrderKind::Emergency | OrderKind::CutMotors) => {
+                self.restraint.obey(now, kind)
+            }
+        };
+        self.waiting = Some(order);
+        Accepted { motors, memory: is_news.then(|| Memory::of_order(edition)) }
+    }
+
+    /// Takes how it stands with the disk.
+    pub fn remembered(&mut self, remembered: Remembered) {
+        self.disk = remembered;
+    }
+
+    /// Returns the order that may be obeyed from now on, if one does, and what the motors are told. `is_answer` tells of an
+    /// order whether it answers a state that was made lately: one that has waited too long is none any more.
+    pub fn obey(&mut self, now: Time, is_answer: impl Fn(&Order) -> bool) -> Option<(Order, Option<Fly>)> {
+        let due = self.waiting.take_if(|order| may_be_obeyed(order, &self.disk));
+        let Some(order) = due.filter(|order| is_in_time(order.kind, is_answer(order))) else {
+            self.show_what_is_not_obeyed();
+            return None;
+        };
+        let Order { vehicle: _, lease, run, revision, seen: _, kind, ends: _ } = order;
         self.highest = Ordered { lease, revision, run, kind: Some(kind) };
         if stops(kind) {
             self.stopped_at = Some(now);
         }
-        self.restraint.obey(now, kind)
+        let motors = match kind {
+            OrderKind::Start | OrderKind::Return => self.restraint.obey(now, kind),
+            OrderKind::Hold | OrderKind::Land | OrderKind::Emergency | OrderKind::CutMotors => None,
+        };
+        Some((order, motors))
+    }
+
+    /// Shows what was remembered and is not obeyed, without its kind: whoever orders next goes above it.
+    fn show_what_is_not_obeyed(&mut self) {
+        let tried = self.disk.on_disk.join(self.disk.tried).ordered;
+        if tried.key() > self.highest.edition() {
+            self.highest = tried.forgotten();
+        }
     }
 
     /// Takes what telemetry shows; returns what the motors are told.
@@ -44,7 +133,7 @@ impl Orders {
         self.restraint.take(now, telemetry)
     }
 
-    /// Returns the highest order obeyed.
+    /// Returns the highest order obeyed; without its kind what is above it and only remembered.
     pub fn highest(&self) -> Ordered {
         self.highest
     }
@@ -54,10 +143,26 @@ impl Orders {
         &self.restraint
     }
 
-    /// Returns whether something was decided before an order that stopped the vehicle.
+    /// Returns whether something was decided before an order that stopped the vehicle, or without knowing of one.
     pub fn have_overtaken(&self, decided: Time) -> bool {
-        self.stopped_at.is_some_and(|stopped_at| decided < stopped_at)
+        let waits_to_stop = self.waiting.as_ref().is_some_and(|order| stops(order.kind));
+        waits_to_stop || self.stopped_at.is_some_and(|stopped_at| decided < stopped_at)
     }
+}
+
+/// Returns whether an order of a kind is not too late; `is_answer` when it answers a state that was made lately.
+fn is_in_time(kind: OrderKind, is_answer: bool) -> bool {
+    match kind {
+        OrderKind::Hold | OrderKind::Emergency | OrderKind::Land | OrderKind::CutMotors => true,
+        OrderKind::Start | OrderKind::Return => is_answer,
+    }
+}
+
+/// Returns whether an order need not wait for the disk any more. One that stops the vehicle, or brings it home, is obeyed
+/// although it cannot be remembered; one that sends it out is not.
+fn may_be_obeyed(order: &Order, disk: &Remembered) -> bool {
+    let enough = if stops(order.kind) { disk.on_disk.join(disk.tried) } else { disk.on_disk };
+    enough.ordered.key() >= (order.lease, order.revision)
 }
 
 /// Returns whether an order stops the vehicle whatever it does: all but a start do.
@@ -90,6 +195,15 @@ mod tests {
     use super::*;
     use tomoswarm_proto::{Lease, Revision, RunId, VehicleId};
 
+    /// Obeys an order, with a disk that takes no time.
+    fn obey(orders: &mut Orders, now: Time, order: Order) -> Option<Fly> {
+        let Accepted { motors, memory } = orders.accept(now, order);
+        let tried = memory.unwrap_or_default().join(orders.disk.on_disk);
+        orders.remembered(Remembered { on_disk: tried, tried });
+        let (_, later) = orders.obey(now, |_| true).unwrap();
+        motors.or(later)
+    }
+
     fn order(kind: OrderKind, number: u32, revision: u32) -> Order {
         let lease = Lease { number, holder: 7 };
         let revision = Revision(revision);
@@ -99,7 +213,7 @@ mod tests {
     #[test]
     fn a_revision_counts_within_its_lease_and_only_moving_needs_an_answer() {
         let mut orders = Orders::default();
-        orders.obey(Time::ZERO, &order(OrderKind::Hold, 3, 5));
+        obey(&mut orders, Time::ZERO, order(OrderKind::Hold, 3, 5));
         for (number, revision, is_higher) in [(3, 6, true), (3, 5, false), (4, 1, true), (2, 9, false)] {
             for kind in [OrderKind::Hold, OrderKind::Land, OrderKind::Emergency, OrderKind::CutMotors] {
                 assert_eq!(orders.accepts(&order(kind, number, revision), false), is_higher, "{kind:?}");
@@ -115,8 +229,11 @@ mod tests {
     fn what_was_decided_before_a_stop_is_overtaken_even_after_a_start() {
         let mut orders = Orders::default();
         assert!(!orders.have_overtaken(Time::ZERO));
-        orders.obey(Time::from_secs_f64(2.0), &order(OrderKind::Hold, 1, 1));
-        orders.obey(Time::from_secs_f64(3.0), &order(OrderKind::Start, 1, 2));
+        obey(&mut orders, Time::from_secs_f64(2.0), order(OrderKind::Hold, 1, 1));
+        assert_eq!(
+            obey(&mut orders, Time::from_secs_f64(3.0), order(OrderKind::Start, 1, 2)),
+            Some(Fly::Arm)
+        );
         assert!(orders.have_overtaken(Time::from_secs_f64(1.9)));
         assert!(!orders.have_overtaken(Time::from_secs_f64(2.0)));
     }

@@ -9,6 +9,7 @@ use crate::geom::Pose;
 
 mod drawings;
 mod laws;
+mod memory;
 
 const LEASE: Lease = Lease { number: 3, holder: 50 };
 
@@ -29,10 +30,21 @@ fn vehicle() -> Vehicle {
     vehicle
 }
 
+/// Tells it something; its disk takes no time.
 fn told(vehicle: &mut Vehicle, time_s: f64, input: In) -> Vec<Out> {
     let mut out = Vec::new();
-    vehicle.handle(at(time_s), input, &mut out).unwrap();
+    handled(vehicle, at(time_s), input, &mut out);
     out
+}
+
+/// Lets it handle something, and its disk answer.
+fn handled(vehicle: &mut Vehicle, now: Time, input: In, out: &mut Vec<Out>) {
+    vehicle.handle(now, input, out).unwrap();
+    let memory =
+        out.iter().find_map(|out| if let Out::Remember(memory) = out { Some(*memory) } else { None });
+    if let Some(memory) = memory {
+        vehicle.handle(now, In::Remembered(Remembered { on_disk: memory, tried: memory }), out).unwrap();
+    }
 }
 
 fn drive(corners: &[(f64, f64)]) -> In {
@@ -55,7 +67,9 @@ fn scan(range_m: f64, beam_deg: f64) -> In {
 fn refusal(out: &[Out]) -> Option<Refusal> {
     out.iter().find_map(|out| match out {
         Out::Remark(Remark::Refused(refusal)) => Some(*refusal),
-        Out::Remark(_) | Out::Fly(_) | Out::State(_) | Out::Publish(_) | Out::Order(_) => None,
+        Out::Remark(_) | Out::Fly(_) | Out::State(_) | Out::Publish(_) | Out::Remember(_) | Out::Order(_) => {
+            None
+        }
     })
 }
 
@@ -241,7 +255,7 @@ fn a_held_vehicle_says_so_until_it_is_started_or_sent_home() {
         out.iter()
             .find_map(|out| match out {
                 Out::State(state) => Some(state.mode),
-                Out::Remark(_) | Out::Fly(_) | Out::Publish(_) | Out::Order(_) => None,
+                Out::Remark(_) | Out::Fly(_) | Out::Publish(_) | Out::Remember(_) | Out::Order(_) => None,
             })
             .unwrap()
     };
@@ -270,7 +284,7 @@ fn an_order_is_judged_by_the_age_of_its_state_however_often_states_are_made() {
 fn flown(out: &[Out]) -> Vec<Fly> {
     let fly = |out: &Out| match out {
         Out::Fly(fly) => Some(fly.clone()),
-        Out::Remark(_) | Out::State(_) | Out::Publish(_) | Out::Order(_) => None,
+        Out::Remark(_) | Out::State(_) | Out::Publish(_) | Out::Remember(_) | Out::Order(_) => None,
     };
     out.iter().filter_map(fly).collect()
 }

@@ -51,6 +51,23 @@ impl Delivery {
         (self.issued, self.sent_at, self.doubted) = (None, None, None);
     }
 
+    /// Takes the echo of a vehicle that obeys nothing of what was sent: one that was started anew shows what it remembers,
+    /// and obeys nothing lower.
+    pub fn look_at_memory(&mut self, echo: Ordered, is_emergency: bool) {
+        let Some(issued) = self.issued.filter(|issued| echo.edition() > (issued.lease, issued.revision))
+        else {
+            return;
+        };
+        if echo.kind.is_some() {
+            return;
+        }
+        if is_emergency || echo.lease == issued.lease {
+            (self.issued, self.sent_at) = (None, None);
+        } else {
+            self.overruled = self.overruled.or(Some(echo));
+        }
+    }
+
     /// Takes what a vehicle shows after it has obeyed an order that stands. What somebody else has ordered ends it there,
     /// but for the ground station, which brings a start about by orders of its own; its report may be late.
     pub fn doubt(&mut self, now: Time, echo: Ordered, is_explained: bool) {

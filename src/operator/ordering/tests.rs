@@ -385,3 +385,38 @@ fn an_emergency_goes_to_who_has_another_venue_file_too() {
     assert_eq!(ordering.act(at(0.2), true).len(), 1);
     assert_eq!(ordering.outcome(at(0.2)), None);
 }
+
+#[test]
+fn a_vehicle_that_remembers_is_told_again_above_what_it_remembers() {
+    for revisions_missed in 0..3 {
+        let mut world = World::new(only_one(Kind::Hold), vec![Rover::ordered(1, GROUNDS, 5, Kind::Start)]);
+        world.loses = |_| true;
+        world.run_until(0.5);
+        // It has obeyed what nobody has seen, and others' orders of this lease.
+        world.rovers[0].state.ordered.revision.0 += revisions_missed;
+        world.rovers[0].restart_remembering();
+        world.loses = |_| false;
+        assert!(world.run().is_done(), "{revisions_missed}");
+        let ordered = world.rovers[0].state.ordered;
+        assert_eq!((ordered.lease, ordered.kind), (GROUNDS, Some(Kind::Hold)));
+        assert!(ordered.revision.0 > 5);
+    }
+}
+
+#[test]
+fn what_a_vehicle_remembers_of_a_greater_lease_overrules_all_but_an_emergency() {
+    for (kind, is_done) in [(Kind::Hold, false), (Kind::Emergency, true)] {
+        let mut world = World::new(only_one(kind), vec![Rover::ordered(1, GROUNDS, 5, Kind::Start)]);
+        world.loses = |_| true;
+        world.run_until(0.5);
+        world.rovers[0].state.ordered.lease.number += 1;
+        world.rovers[0].restart_remembering();
+        let remembered = world.rovers[0].state.ordered;
+        world.loses = |_| false;
+        let outcome = world.run();
+        assert_eq!(outcome.is_done(), is_done, "{outcome:?}");
+        if !is_done {
+            assert_eq!(outcomes(&outcome), [VehicleOutcome::Overruled(remembered)]);
+        }
+    }
+}

@@ -128,6 +128,7 @@ fn word(effect: &Effect) -> Option<ToWorld> {
         | Effect::Forget { .. }
         | Effect::Recall { .. }
         | Effect::Tally(_)
+        | Effect::Remember(_)
         | Effect::Note(_) => None,
     }
 }

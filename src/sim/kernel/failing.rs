@@ -32,6 +32,7 @@ impl Kernel {
         let Some(index) = self.index_of(vehicle).filter(|index| self.is_dead[*index]) else { return };
         let settings = &mut self.settings[index];
         settings.boot = Boot(settings.boot.0.saturating_add(1));
+        settings.memory = self.disks[index].memory();
         let boot = settings.boot;
         self.vehicles[index].restart(settings);
         self.is_dead[index] = false;

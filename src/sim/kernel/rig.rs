@@ -18,7 +18,9 @@ use crate::map::{Merged, Occupancy};
 use crate::node::route::Note;
 use crate::node::sensor::Echo;
 use crate::node::vehicle::{Fly, Remark};
-use crate::node::{BodySettings, Effect, Event, LookSettings, RadioSettings, Settings, VehicleNode};
+use crate::node::{
+    BodySettings, Effect, Event, LookSettings, RadioSettings, Remembered, Settings, VehicleNode,
+};
 use crate::scene::{Attenuation, Scene, SceneParts, Up, read_vrml};
 use crate::time::Time;
 
@@ -52,6 +54,7 @@ fn settings() -> Settings {
     Settings {
         vehicle: VehicleId(1),
         boot: Boot(1),
+        memory: Default::default(),
         fence: Rect::new(Point::new(-4.0, -6.0), Point::new(14.0, 6.0)).polygon(),
         home: Point::new(0.0, 0.0),
         lattice: Lattice::new(0.2),
@@ -221,6 +224,9 @@ impl Rig {
                 }
                 Effect::Note(note) => self.notes.push(note),
                 Effect::Transmit(_) | Effect::Publish(_) => {}
+                Effect::Remember(memory) => {
+                    self.tell(Event::Remembered(Remembered { on_disk: memory, tried: memory }));
+                }
                 Effect::Keep(..) | Effect::Forget { .. } | Effect::Recall { .. } | Effect::Tally(_) => {}
             }
         }

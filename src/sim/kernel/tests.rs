@@ -3,7 +3,7 @@
 
 use std::collections::BTreeSet;
 
-use tomoswarm_proto::{OperatorId, OrderKind};
+use tomoswarm_proto::{Boot, Lease, Mode, OperatorId, Order, OrderKind, Revision, RunId, Sender};
 
 use super::*;
 use crate::config;
@@ -188,4 +188,39 @@ fn what_another_operator_has_stopped_neither_ground_nor_the_first_operator_start
     assert_eq!(stopped.failure.as_deref(), Some("the sweep did not end in time"));
     assert_eq!(stopped.held, 2, "they stand");
     assert!(stopped.simulated >= Time::from_secs_f64(590.0));
+}
+
+#[test]
+fn a_vehicle_that_is_started_anew_obeys_nothing_below_what_its_disk_has() {
+    let scenario = scenario("[[fault]]\nkind = \"restart\"\nat_s = 5.0\nuntil_s = 6.0\nvehicles = [2]\n");
+    let steps = vec![operator_script::Step::Delay(Duration::from_secs(3)), want(OrderKind::Hold, true)];
+    let mut parts = scenario.parts().unwrap();
+    parts.operators.push(operator(&scenario, 3, steps));
+    let mut kernel = Kernel::new(parts);
+    run(&mut kernel, 5.5);
+    let kept = kernel.disks[1].memory();
+    assert_eq!(kept.ordered.lease.number, 2, "the operator has taken over");
+    run(&mut kernel, 6.3);
+    assert_eq!(kernel.vehicles[1].boot(), Boot(2));
+    let low = Order {
+        vehicle: VehicleId(2),
+        lease: Lease { number: 1, holder: 0 },
+        run: RunId(1),
+        revision: Revision(1000),
+        seen: None,
+        kind: OrderKind::Emergency,
+        ends: Vec::new(),
+    };
+    let from = Sender::Operator(OperatorId(3));
+    kernel.tell(1, node::Event::Bus(from, Message::Order(low.clone()))).unwrap();
+    run(&mut kernel, 7.5);
+    let mode = |kernel: &Kernel| {
+        let state = &view(&kernel.operators[1]).state(VehicleId(2)).expect("it is heard").value;
+        (state.boot, state.mode == Mode::Emergency, state.ordered.lease >= kept.ordered.lease)
+    };
+    assert_eq!(mode(&kernel), (Boot(2), false, true));
+    let high = Order { lease: Lease { number: 9, holder: 0 }, ..low };
+    kernel.tell(1, node::Event::Bus(from, Message::Order(high))).unwrap();
+    run(&mut kernel, 8.5);
+    assert_eq!(mode(&kernel), (Boot(2), true, true), "a higher one is obeyed");
 }

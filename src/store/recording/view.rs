@@ -94,7 +94,10 @@ impl View {
         match out {
             vehicle::Out::Publish(state) => pose(now, state),
             vehicle::Out::Remark(remark) => Some(self.log(now, INFO, "vehicle", &format!("{remark:?}"))),
-            vehicle::Out::Fly(_) | vehicle::Out::State(_) | vehicle::Out::Order(_) => None,
+            vehicle::Out::Fly(_)
+            | vehicle::Out::State(_)
+            | vehicle::Out::Remember(_)
+            | vehicle::Out::Order(_) => None,
         }
     }
 
@@ -105,6 +108,7 @@ impl View {
             | mission::Out::Holds(_)
             | mission::Out::Accepted(..)
             | mission::Out::Progress(_)
+            | mission::Out::Remember(_)
             | mission::Out::Measure(_) => None,
         }
     }

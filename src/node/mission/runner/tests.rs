@@ -62,6 +62,7 @@ impl Rig {
                     | Out::Holds(_)
                     | Out::Accepted(..)
                     | Out::Progress(_)
+                    | Out::Remember(_)
                     | Out::Measure(_) => {}
                 }
             }

@@ -163,7 +163,7 @@ impl Witness {
         self.now = next;
         let Some(input) = self.input(happening) else { return };
         let mut out = Vec::new();
-        self.vehicle.handle(self.now, input.clone(), &mut out).unwrap();
+        handled(&mut self.vehicle, self.now, input.clone(), &mut out);
         self.check_flying(&input, &out);
         self.check_order(&input, &out);
         self.note(&out);
@@ -286,7 +286,7 @@ impl Witness {
                 Out::Fly(Fly::Disarm) => (self.disarm_said, self.disarm_owed) = (Some(self.now), None),
                 Out::Order(order) => self.note_order(order),
                 Out::State(state) => self.sequence = state.sequence,
-                Out::Publish(_) | Out::Remark(_) => {}
+                Out::Publish(_) | Out::Remember(_) | Out::Remark(_) => {}
             }
         }
     }
@@ -321,7 +321,7 @@ impl Witness {
     fn check_state(&self, out: &[Out]) {
         let state = out.iter().find_map(|out| match out {
             Out::State(state) => Some(state),
-            Out::Publish(_) | Out::Fly(_) | Out::Order(_) | Out::Remark(_) => None,
+            Out::Publish(_) | Out::Fly(_) | Out::Remember(_) | Out::Order(_) | Out::Remark(_) => None,
         });
         let state = state.expect("every telemetry makes a state");
         let Ordered { lease, revision, .. } = state.ordered;
@@ -339,7 +339,7 @@ fn edition(order: &Order) -> (u32, Reverse<u64>, u32) {
 fn obeyed_kind(out: &[Out]) -> Option<OrderKind> {
     out.iter().find_map(|out| match out {
         Out::Order(order) => Some(order.kind),
-        Out::Remark(_) | Out::Fly(_) | Out::State(_) | Out::Publish(_) => None,
+        Out::Remark(_) | Out::Fly(_) | Out::Remember(_) | Out::State(_) | Out::Publish(_) => None,
     })
 }
 

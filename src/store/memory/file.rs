@@ -1,0 +1,286 @@
+//! The file of a vehicle's memory: a few lines of text with a check value, replaced as a whole.
+//!
+//! ```text
+//!   tomoswarm vehicle memory 1
+//!   ordered lease 5 holder 81985529216486895 revision 7 run 2
+//!   planned lease 5 holder 81985529216486895
+//!   check 9ae16a3b2f90404f
+//! ```
+//!
+//! The check is FNV-1a, 64 bits, over all lines above it. More to remember (stops that stand) is more lines and a higher
+//! version; a later program reads the earlier versions. A folder without the file is that of a vehicle that has obeyed
+//! nothing. Whatever else is found is refused and left as it is: to guess would be to obey what was overruled.
+
+use std::fs;
+use std::io::{self, ErrorKind};
+use std::path::{Path, PathBuf};
+
+use tomoswarm_proto::{Lease, Revision, RunId};
+
+use crate::node::Memory;
+use crate::node::memory::OrderEdition;
+use crate::store::replace;
+
+/// The first words of the file, before its version.
+const TITLE: &str = "tomoswarm vehicle memory";
+/// The version of what is written here.
+const VERSION: u32 = 1;
+/// A file that is longer is none of ours, bytes.
+const LONGEST: u64 = 4096;
+
+/// Why a vehicle's memory cannot be read.
+#[derive(Debug, thiserror::Error)]
+pub enum MemoryError {
+    /// The system does not let it be read.
+    #[error("{}: cannot be read: {source}; it holds the highest order that this vehicle has obeyed", path.display())]
+    Unread {
+        /// The file.
+        path: PathBuf,
+        /// What the system says.
+        source: io::Error,
+    },
+    /// It is not as it was written.
+    #[error(
+        "{}: is damaged: {reason}; it holds the highest order that this vehicle has obeyed: restore a copy, or remove it \
+         when no operator and no ground station of an older lease is at work", path.display()
+    )]
+    Damaged {
+        /// The file.
+        path: PathBuf,
+        /// What was expected, and what was found.
+        reason: String,
+    },
+    /// A later program wrote it.
+    #[error("{}: written by a newer tomoswarm (version {found}, this one knows {VERSION})", path.display())]
+    Newer {
+        /// The file.
+        path: PathBuf,
+        /// Its version.
+        found: u32,
+    },
+}
+
+/// A vehicle's memory on disk.
+#[derive(Clone, PartialEq, Eq, Debug)]
+pub struct MemoryFile {
+    path: PathBuf,
+}
+
+impl MemoryFile {
+    /// Names the file; nothing is read or written yet.
+    pub fn at(path: PathBuf) -> MemoryFile {
+        MemoryFile { path }
+    }
+
+    /// Returns the file's path.
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// Reads it; a vehicle without the file remembers nothing.
+    ///
+    /// # Errors
+    /// It cannot be read, or is not what was written.
+    pub fn read(&self) -> Result<Memory, MemoryError> {
+        let path = || self.path.clone();
+        let unread = |source| MemoryError::Unread { path: path(), source };
+        let length = match fs::metadata(&self.path) {
+            Ok(found) => found.len(),
+            Err(error) if error.kind() == ErrorKind::NotFound => return Ok(Memory::default()),
+            Err(source) => return Err(unread(source)),
+        };
+        if length > LONGEST {
+            let reason = format!("{length} bytes, expected at most {LONGEST}");
+            return Err(MemoryError::Damaged { path: path(), reason });
+        }
+        let bytes = fs::read(&self.path).map_err(unread)?;
+        parse(&bytes).map_err(|fault| match fault {
+            TextFault::Damaged(reason) => MemoryError::Damaged { path: path(), reason },
+            TextFault::Newer(found) => MemoryError::Newer { path: path(), found },
+        })
+    }
+
+    /// Writes it; after a power cut it is as before, or as written now.
+    ///
+    /// # Errors
+    /// The system does not let it be written.
+    pub fn write(&self, memory: &Memory) -> io::Result<()> {
+        replace(&self.path, &text(memory))
+    }
+}
+
+/// Why a text is no memory.
+#[derive(Clone, PartialEq, Eq, Debug)]
+enum TextFault {
+    Damaged(String),
+    Newer(u32),
+}
+
+fn text(memory: &Memory) -> String {
+    let Memory { ordered: OrderEdition { lease, revision, run }, planned } = memory;
+    let body = format!(
+        "{TITLE} {VERSION}\nordered lease {} holder {} revision {revision} run {run}\nplanned lease {} holder {}\n",
+        lease.number, lease.holder, planned.number, planned.holder
+    );
+    format!("{body}check {:016x}\n", fnv(body.as_bytes()))
+}
+
+fn parse(bytes: &[u8]) -> Result<Memory, TextFault> {
+    let damaged = |reason: &str| TextFault::Damaged(reason.to_owned());
+    let text = std::str::from_utf8(bytes).map_err(|_| damaged("expected text"))?;
+    if text.is_empty() {
+        return Err(damaged("it is empty"));
+    }
+    let whole = text.strip_suffix('\n').ok_or_else(|| damaged("its end is missing"))?;
+    let (lines, check) = whole.rsplit_once('\n').ok_or_else(|| damaged("its end is missing"))?;
+    let body = &text[..=lines.len()];
+    let expected = format!("check {:016x}", fnv(body.as_bytes()));
+    if check != expected {
+        return Err(TextFault::Damaged(format!("expected `{expected}` at its end, found `{check}`")));
+    }
+    let (title, rest) = lines.split_once('\n').unwrap_or((lines, ""));
+    let version = title.strip_prefix(TITLE).and_then(|version| version.trim().parse().ok());
+    match version {
+        Some(VERSION) => content(rest).ok_or_else(|| damaged("its lines are not those of version 1")),
+        Some(newer) if newer > VERSION => Err(TextFault::Newer(newer)),
+        Some(_) | None => Err(TextFault::Damaged(format!("expected `{TITLE} {VERSION}`, found `{title}`"))),
+    }
+}
+
+/// Reads the lines of version 1.
+fn content(lines: &str) -> Option<Memory> {
+    let (ordered, planned) = lines.split_once('\n')?;
+    let [number, holder, revision, run] =
+        numbers(ordered.strip_prefix("ordered ")?, ["lease", "holder", "revision", "run"])?;
+    let order = OrderEdition {
+        lease: Lease { number: u32::try_from(number).ok()?, holder },
+        revision: Revision(u32::try_from(revision).ok()?),
+        run: RunId(u32::try_from(run).ok()?),
+    };
+    let [number, holder] = numbers(planned.strip_prefix("planned ")?, ["lease", "holder"])?;
+    let planned = Lease { number: u32::try_from(number).ok()?, holder };
+    Some(Memory { ordered: order, planned })
+}
+
+/// Reads numbers that stand behind their names, all of them and nothing else.
+fn numbers<const COUNT: usize>(line: &str, names: [&str; COUNT]) -> Option<[u64; COUNT]> {
+    let mut words = line.split(' ');
+    let mut values = [0; COUNT];
+    for (name, value) in names.into_iter().zip(&mut values) {
+        words.next().filter(|word| *word == name)?;
+        *value = words.next()?.parse().ok()?;
+    }
+    words.next().is_none().then_some(values)
+}
+
+/// The FNV-1a hash (Fowler, Noll, Vo), 64 bits: one byte changed always changes it.
+fn fnv(bytes: &[u8]) -> u64 {
+    bytes.iter().fold(0xcbf2_9ce4_8422_2325, |hash, byte| {
+        (hash ^ u64::from(*byte)).wrapping_mul(0x0000_0100_0000_01b3)
+    })
+}
+
+#[cfg(test)]
+pub(super) mod tests {
+    use super::*;
+    use crate::store::durable::beside;
+    use proptest::prelude::*;
+
+    pub fn memory(number: u32, revision: u32) -> Memory {
+        let lease = Lease { number, holder: 0x0123_4567_89ab_cdef };
+        let ordered = OrderEdition { lease, revision: Revision(revision), run: RunId(2) };
+        Memory { ordered, planned: Lease { number: 4, holder: u64::MAX } }
+    }
+
+    fn file() -> (tempfile::TempDir, MemoryFile) {
+        let folder = tempfile::tempdir().unwrap();
+        let file = MemoryFile::at(folder.path().join("memory"));
+        (folder, file)
+    }
+
+    #[test]
+    fn a_folder_of_before_has_obeyed_nothing_and_what_is_written_is_read() {
+        let (_folder, file) = file();
+        assert_eq!(file.read().unwrap(), Memory::default());
+        for (number, revision) in [(5, 7), (5, 8), (u32::MAX, u32::MAX)] {
+            file.write(&memory(number, revision)).unwrap();
+            assert_eq!(file.read().unwrap(), memory(number, revision));
+        }
+    }
+
+    proptest! {
+        #[test]
+        fn every_memory_is_read_as_it_was_written(
+            ordered in any::<(u32, u64, u32, u32)>(),
+            planned in any::<(u32, u64)>(),
+        ) {
+            let lease = Lease { number: ordered.0, holder: ordered.1 };
+            let ordered = OrderEdition { lease, revision: Revision(ordered.2), run: RunId(ordered.3) };
+            let memory = Memory { ordered, planned: Lease { number: planned.0, holder: planned.1 } };
+            prop_assert_eq!(parse(text(&memory).as_bytes()), Ok(memory));
+        }
+    }
+
+    #[test]
+    fn damage_at_every_byte_every_loss_and_every_addition_is_noticed() {
+        let whole = text(&memory(5, 7)).into_bytes();
+        assert!(parse(&whole).is_ok());
+        for index in 0..whole.len() {
+            for change in 1..=u8::MAX {
+                let mut bytes = whole.clone();
+                bytes[index] ^= change;
+                assert!(parse(&bytes).is_err(), "byte {index}: {:?}", String::from_utf8_lossy(&bytes));
+            }
+            assert!(parse(&whole[..index]).is_err(), "cut after {index}");
+            assert!(parse(&[&whole[..index], b"0", &whole[index..]].concat()).is_err(), "more at {index}");
+        }
+        assert!(parse(&[&whole[..], b"\n"].concat()).is_err());
+    }
+
+    #[test]
+    fn what_cannot_be_read_is_said_with_its_path_and_what_was_expected() {
+        let (_folder, file) = file();
+        let path = file.path().display().to_string();
+        let said = |bytes: &[u8]| {
+            fs::write(file.path(), bytes).unwrap();
+            let said = file.read().unwrap_err().to_string();
+            assert!(said.starts_with(&path), "{said}");
+            assert_eq!(fs::read(file.path()).unwrap(), bytes, "it is left as it is");
+            said
+        };
+        assert!(said(b"").contains("damaged: it is empty; it holds the highest order"));
+        assert!(said(&[0xff; 9]).contains("expected text"));
+        assert!(said(&vec![b'a'; 10_000]).contains("10000 bytes, expected at most 4096"));
+        assert!(said(b"tomoswarm vehicle memory 1\ncheck 0\n").contains("expected `check "));
+        let with_check = |body: &str| format!("{body}check {:016x}\n", fnv(body.as_bytes()));
+        let newer = said(with_check("tomoswarm vehicle memory 2\nopen 7\n").as_bytes());
+        assert!(newer.ends_with("written by a newer tomoswarm (version 2, this one knows 1)"), "{newer}");
+        let older = said(with_check("tomoswarm vehicle memory 0\n").as_bytes());
+        assert!(older.contains("expected `tomoswarm vehicle memory 1`"), "{older}");
+        let other = said(with_check("a shopping list\n").as_bytes());
+        assert!(other.contains("found `a shopping list`"), "{other}");
+        let lines = said(with_check("tomoswarm vehicle memory 1\nordered lease 1\n").as_bytes());
+        assert!(lines.contains("not those of version 1"), "{lines}");
+    }
+
+    #[test]
+    fn what_is_no_file_is_refused() {
+        let (_folder, file) = file();
+        fs::create_dir(file.path()).unwrap();
+        assert!(matches!(file.read(), Err(MemoryError::Unread { .. })));
+        assert!(file.write(&memory(1, 1)).is_err());
+    }
+
+    #[test]
+    fn a_process_killed_between_writing_and_renaming_leaves_what_was_there() {
+        let (_folder, file) = file();
+        file.write(&memory(5, 7)).unwrap();
+        let whole = text(&memory(6, 1));
+        for length in 0..=whole.len() {
+            fs::write(beside(file.path()), &whole[..length]).unwrap();
+            assert_eq!(file.read().unwrap(), memory(5, 7));
+        }
+        file.write(&memory(7, 1)).unwrap();
+        assert_eq!(file.read().unwrap(), memory(7, 1));
+    }
+}
