@@ -195,7 +195,8 @@ impl Mapper {
         let centre = cone.lattice.centre(cell);
         let index = index_in_tile(cell);
         let old = own.map_or(0, |tile| tile.cells[index]);
-        match if body.covers(cell, centre) { Said::Free } else { cone.says(cell, centre - cone.origin, old) } {
+        match if body.covers(cell, centre) { Said::Free } else { cone.says(cell, centre - cone.origin, old) }
+        {
             Said::Nothing => {}
             Said::Free => {
                 let new = (old + FREE).max(-LAYER_CLAMP);
