@@ -188,6 +188,38 @@ mod tests {
         }
     }
 
+    /// Counts how often it is asked for its deadline.
+    #[derive(Default)]
+    struct Asked(std::cell::Cell<u32>);
+
+    impl Actor for Asked {
+        type In = u32;
+        type Out = ();
+        fn handle(&mut self, _now: Time, _input: u32, _out: &mut Vec<()>) -> Result<(), Fault> {
+            Ok(())
+        }
+        fn deadline(&self) -> Option<Deadline> {
+            self.0.set(self.0.get() + 1);
+            None
+        }
+        fn wake(&mut self, _now: Time, _out: &mut Vec<()>) -> Result<(), Fault> {
+            Ok(())
+        }
+    }
+
+    #[test]
+    fn an_actor_that_was_not_touched_is_not_asked_for_its_deadline() {
+        let mut cell = ActorCell::new(Asked::default());
+        for second in 0..5 {
+            cell.act(Time::from_secs_f64(f64::from(second)), |()| {}).unwrap();
+            assert_eq!(cell.deadline(), None);
+        }
+        assert_eq!(cell.actor().0.get(), 1, "when it was put in");
+        (0..3).for_each(|input| cell.push(input));
+        cell.act(Time::from_secs_f64(9.0), |()| {}).unwrap();
+        assert_eq!(cell.actor().0.get(), 4, "and after each step");
+    }
+
     #[test]
     fn an_actor_woken_in_vain_is_a_fault_and_no_endless_loop() {
         let mut cell = ActorCell::new(Stuck);
