@@ -15,6 +15,8 @@ pub struct ActorCell<A: Actor> {
     said: Vec<A::Out>,
     /// The latest moment that it was told.
     latest: Time,
+    /// What the actor said when it was asked last, which is after each of its steps: nothing else can change it.
+    deadline: Option<Deadline>,
 }
 
 impl<A: Actor> ActorCell<A>
@@ -23,7 +25,8 @@ where
 {
     /// Puts an actor behind an empty inbox.
     pub fn new(actor: A) -> ActorCell<A> {
-        ActorCell { actor, inbox: Inbox::new(INBOX), said: Vec::new(), latest: Time::ZERO }
+        let deadline = actor.deadline();
+        ActorCell { actor, inbox: Inbox::new(INBOX), said: Vec::new(), latest: Time::ZERO, deadline }
     }
 
     /// Gives the actor.
@@ -42,8 +45,9 @@ where
     }
 
     /// Gives the actor's deadline.
+    #[inline]
     pub fn deadline(&self) -> Option<Deadline> {
-        self.actor.deadline()
+        self.deadline
     }
 
     /// Lets the actor act until nothing is due and nothing unread, and hands on what it says.
@@ -63,11 +67,12 @@ where
     ///
     /// # Errors
     /// As for [`ActorCell::act`].
+    #[inline]
     pub fn act_watched(
         &mut self,
         now: Time,
-        mut watch: Option<impl FnMut(Step<A::In, A::Out>)>,
-        mut hand_on: impl FnMut(A::Out),
+        watch: Option<impl FnMut(Step<A::In, A::Out>)>,
+        hand_on: impl FnMut(A::Out),
     ) -> Result<(), Fault>
     where
         A::In: Clone,
@@ -77,8 +82,32 @@ where
             return Err(step::fault::<A>(format!("time went back from {} to {now} s", self.latest)));
         }
         self.latest = now;
+        // Most actors of a node have nothing to do at most moments: they are passed by without a call.
+        if self.inbox.is_empty() && self.due(now).is_none() {
+            return Ok(());
+        }
+        self.take_steps(now, watch, hand_on)
+    }
+
+    /// Returns the deadline, if it has come.
+    #[inline]
+    fn due(&self, now: Time) -> Option<Deadline> {
+        self.deadline.filter(|deadline| deadline.at <= now)
+    }
+
+    /// Takes one step after another until nothing is due and nothing unread.
+    fn take_steps(
+        &mut self,
+        now: Time,
+        mut watch: Option<impl FnMut(Step<A::In, A::Out>)>,
+        mut hand_on: impl FnMut(A::Out),
+    ) -> Result<(), Fault>
+    where
+        A::In: Clone,
+        A::Out: Clone,
+    {
         loop {
-            let due = self.actor.deadline().filter(|deadline| deadline.at <= now);
+            let due = self.due(now);
             let input = if due.is_some() { None } else { self.inbox.pop() };
             let cause = match (&due, &input) {
                 (None, None) => return Ok(()),
@@ -86,6 +115,7 @@ where
                 (None, Some(input)) => watch.is_some().then(|| Cause::Told(input.clone())),
             };
             let taken = step::take(&mut self.actor, now, input, &mut self.said);
+            self.deadline = self.actor.deadline();
             if let (Some(watch), Some(cause)) = (&mut watch, cause) {
                 let fault = taken.as_ref().err().map(Fault::to_string);
                 watch(Step { now, cause, said: self.said.clone(), fault });
@@ -156,6 +186,38 @@ mod tests {
         fn wake(&mut self, _now: Time, _out: &mut Vec<()>) -> Result<(), Fault> {
             Ok(())
         }
+    }
+
+    /// Counts how often it is asked for its deadline.
+    #[derive(Default)]
+    struct Asked(std::cell::Cell<u32>);
+
+    impl Actor for Asked {
+        type In = u32;
+        type Out = ();
+        fn handle(&mut self, _now: Time, _input: u32, _out: &mut Vec<()>) -> Result<(), Fault> {
+            Ok(())
+        }
+        fn deadline(&self) -> Option<Deadline> {
+            self.0.set(self.0.get() + 1);
+            None
+        }
+        fn wake(&mut self, _now: Time, _out: &mut Vec<()>) -> Result<(), Fault> {
+            Ok(())
+        }
+    }
+
+    #[test]
+    fn an_actor_that_was_not_touched_is_not_asked_for_its_deadline() {
+        let mut cell = ActorCell::new(Asked::default());
+        for second in 0..5 {
+            cell.act(Time::from_secs_f64(f64::from(second)), |()| {}).unwrap();
+            assert_eq!(cell.deadline(), None);
+        }
+        assert_eq!(cell.actor().0.get(), 1, "when it was put in");
+        (0..3).for_each(|input| cell.push(input));
+        cell.act(Time::from_secs_f64(9.0), |()| {}).unwrap();
+        assert_eq!(cell.actor().0.get(), 4, "and after each step");
     }
 
     #[test]

@@ -156,11 +156,13 @@ impl Mapper {
         self.marks.clear();
         self.arc.clear();
         let body = body.within_reach(&cone);
+        let footprint = Footprint::of(body, cone.lattice);
         let area = cone.area(body);
         let (columns, rows) = area.tiles();
         for y in rows {
             for x in columns.clone() {
-                self.judge_tile(map, &cone, body, area, TileAddress { slice: self.slice, x, y });
+                let address = TileAddress { slice: self.slice, x, y };
+                self.judge_tile(map, &cone, &footprint, area, address);
             }
         }
         self.mark_hits(&cone, peers);
@@ -168,7 +170,14 @@ impl Mapper {
     }
 
     /// Judges the cells of one tile that lie within `area`.
-    fn judge_tile(&mut self, map: &Merged, cone: &Cone, body: Body, area: CellRect, address: TileAddress) {
+    fn judge_tile(
+        &mut self,
+        map: &Merged,
+        cone: &Cone,
+        body: &Footprint,
+        area: CellRect,
+        address: TileAddress,
+    ) {
         let own = map.layer(self.own).and_then(|layer| layer.tile(address));
         let tile = Judged { address, own, sums: map.sums(address) };
         let first = origin_of(address);
@@ -181,15 +190,13 @@ impl Mapper {
     }
 
     #[inline]
-    fn judge_cell(&mut self, cone: &Cone, body: Body, cell: Cell, tile: &Judged<'_>) {
+    fn judge_cell(&mut self, cone: &Cone, body: &Footprint, cell: Cell, tile: &Judged<'_>) {
         let Judged { address, own, sums } = *tile;
         let centre = cone.lattice.centre(cell);
         let index = index_in_tile(cell);
         let old = own.map_or(0, |tile| tile.cells[index]);
-        let from_body = centre - body.at;
-        let is_under = cone.lattice.cell_at(body.at) == cell;
-        let inside = is_under || from_body.dot(from_body) <= body.radius_m * body.radius_m;
-        match if inside { Said::Free } else { cone.says(cell, centre - cone.origin, old) } {
+        match if body.covers(cell, centre) { Said::Free } else { cone.says(cell, centre - cone.origin, old) }
+        {
             Said::Nothing => {}
             Said::Free => {
                 let new = (old + FREE).max(-LAYER_CLAMP);
@@ -245,6 +252,28 @@ impl Body {
         let reach_m = REACH_CELLS * cone.lattice.cell_m();
         let near = self.at.distance_to(cone.origin) <= reach_m && (0.0..=reach_m).contains(&self.radius_m);
         if near { self } else { Body { at: cone.origin, radius_m: 0.0 } }
+    }
+}
+
+/// The disc of the vehicle prepared for judging cells.
+struct Footprint {
+    at: Point,
+    /// The cell that its middle is in.
+    cell: Cell,
+    radius_m2: f64,
+}
+
+impl Footprint {
+    fn of(body: Body, lattice: Lattice) -> Footprint {
+        let Body { at, radius_m } = body;
+        Footprint { at, cell: lattice.cell_at(at), radius_m2: radius_m * radius_m }
+    }
+
+    /// Returns whether the vehicle stands on a cell with this middle.
+    #[inline]
+    fn covers(&self, cell: Cell, centre: Point) -> bool {
+        let from_middle = centre - self.at;
+        self.cell == cell || from_middle.dot(from_middle) <= self.radius_m2
     }
 }
 

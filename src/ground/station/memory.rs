@@ -87,6 +87,51 @@ impl Memory {
     }
 }
 
+impl Brief {
+    /// Returns whether it is the brief of a station as it is now. It is asked after every step, so nothing is copied.
+    fn is_of(&self, station: &Station) -> bool {
+        // Taken apart, so that none can be forgotten.
+        let Brief {
+            store,
+            lease,
+            phase,
+            succession,
+            dealings,
+            wished,
+            newest_run,
+            standing,
+            closed,
+            last,
+            runs,
+            stalled,
+            disturbed,
+            pictures,
+            due,
+        } = self;
+        let edition = succession.as_ref().map(|(run, revision, members)| (*run, *revision, &members[..]));
+        let dealings = dealings.iter().map(|(id, dealings)| (*id, dealings));
+        *store == station.samples.store()
+            && *lease == station.leases.own()
+            && *phase == station.phase
+            && edition == station.succession.as_ref().map(edition_of)
+            && station.fleet.members().map(|(id, member)| (id, &member.dealings)).eq(dealings)
+            && *wished == station.wished
+            && *newest_run == station.newest_run
+            && *standing == station.standing
+            && closed.iter().eq(&station.closed)
+            && *last == station.last
+            && *runs == station.runs
+            && (*stalled, *disturbed) == (station.stalled, station.disturbed)
+            && *pictures == station.pictures
+            && *due == station.due
+    }
+}
+
+/// Returns which plans a succession gives, and to whom.
+fn edition_of(succession: &Succession) -> (RunId, Revision, &[VehicleId]) {
+    (succession.run(), succession.revision(), succession.members())
+}
+
 impl Station {
     /// Makes a station that goes on where an earlier one was, with what was stored of samples and tiles, in any order.
     ///
@@ -122,14 +167,12 @@ impl Station {
     }
 
     pub(super) fn brief(&self) -> Brief {
-        let edition = |succession: &Succession| {
-            (succession.run(), succession.revision(), succession.members().to_vec())
-        };
+        let edition = self.succession.as_ref().map(edition_of);
         Brief {
             store: self.samples.store(),
             lease: self.leases.own(),
             phase: self.phase.clone(),
-            succession: self.succession.as_ref().map(edition),
+            succession: edition.map(|(run, revision, members)| (run, revision, members.to_vec())),
             dealings: self.fleet.dealings(),
             wished: self.wished,
             newest_run: self.newest_run,
@@ -146,8 +189,10 @@ impl Station {
 
     /// Remembers what a step has changed, ahead of all that it said from `first` on.
     pub(super) fn remember(&mut self, first: usize, out: &mut Vec<Out>) {
-        let brief = self.brief();
-        if self.remembered.as_ref() != Some(&brief) {
+        let is_known = self.remembered.as_ref().is_some_and(|brief| brief.is_of(self));
+        debug_assert_eq!(is_known, self.remembered.as_ref() == Some(&self.brief()));
+        if !is_known {
+            let brief = self.brief();
             self.remembered = Some(brief.clone());
             let memory = Memory { brief, plans: self.succession.clone() };
             out.insert(first.min(out.len()), Out::Remember(Box::new(memory)));

@@ -121,6 +121,12 @@ impl Way {
         std::iter::once(self.behind).chain(self.ahead.iter().map(|corner| corner.at)).collect()
     }
 
+    /// Gives the straight pieces between the corners, from the one passed last to the end.
+    fn pieces(&self) -> impl Iterator<Item = Segment> {
+        let mut from = self.behind;
+        self.ahead.iter().map(move |corner| Segment::new(std::mem::replace(&mut from, corner.at), corner.at))
+    }
+
     /// Gives the odometer at a length along [`Way::points`], metres.
     pub fn odometer_m(&self, along_m: f64) -> f64 {
         self.behind_m + along_m
@@ -133,19 +139,19 @@ impl Way {
 
     /// Gives the whole length, metres.
     pub fn length_m(&self) -> f64 {
-        self.points().windows(2).map(|pair| pair[0].distance_to(pair[1])).sum()
+        self.pieces().map(|piece| piece.from.distance_to(piece.to)).sum()
     }
 
     /// Gives the corners from a place on the way to a length along it: a route to command.
     pub fn until(&self, from: Point, here_m: f64, until_m: f64) -> Vec<Point> {
         let mut route = vec![from];
         let mut start_m = 0.0;
-        for pair in self.points().windows(2) {
-            let length_m = pair[0].distance_to(pair[1]);
+        for Segment { from, to } in self.pieces() {
+            let length_m = from.distance_to(to);
             let end_m = start_m + length_m;
             if end_m > here_m && start_m < until_m && length_m > 0.0 {
                 let share = ((until_m - start_m) / length_m).min(1.0);
-                route.push(pair[0].toward(pair[1], share));
+                route.push(from.toward(to, share));
             }
             start_m = end_m;
         }
