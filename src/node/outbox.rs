@@ -22,8 +22,11 @@ use crate::time::{Deadline, Time};
 
 /// Samples are sent this often.
 const FLUSH_EVERY: Duration = Duration::from_secs(1);
-/// What the ground has not confirmed after this long is sent again; then after twice as long, and so on.
+/// What the ground has not confirmed after this long is sent again.
 const REPEAT_AFTER: Duration = Duration::from_secs(4);
+/// So often; then after twice as long, and so on: a bus that loses much gets it across before the run is closed without it,
+/// and what a gap holds up for good costs little.
+const REPEATS_SOON: u8 = 3;
 /// The wait before a repetition is doubled so often at most: about four minutes.
 const DOUBLINGS: u8 = 6;
 /// A ground that was not heard for so long may have missed what was sent meanwhile.
@@ -343,8 +346,8 @@ impl Outbox {
             }
             let Some(batch) = batches.last_mut() else { break };
             batch.samples.push(sent.sample);
-            sent.repeats = sent.repeats.saturating_add(1).min(DOUBLINGS);
-            sent.due = now + REPEAT_AFTER * (1 << sent.repeats);
+            sent.repeats = sent.repeats.saturating_add(1).min(REPEATS_SOON + DOUBLINGS);
+            sent.due = now + REPEAT_AFTER * (1 << sent.repeats.saturating_sub(REPEATS_SOON));
         }
         batches
     }

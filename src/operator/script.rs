@@ -261,14 +261,15 @@ impl Condition {
         match self {
             Condition::Driven(run) | Condition::Done(run) => {
                 let end = sight.run(now, *run)?.end?;
-                let troubles = &sight.report(now)?.troubles;
-                let reason =
-                    if troubles.is_empty() { String::new() } else { format!(": {}", troubles.join("; ")) };
-                match end {
-                    RunEnd::Done => None,
-                    RunEnd::Stopped => Some(format!("run {run} was stopped{reason}")),
-                    RunEnd::Failed => Some(format!("run {run} has failed{reason}")),
-                }
+                let how = match end {
+                    RunEnd::Done => return None,
+                    RunEnd::Stopped => "was given up",
+                    RunEnd::Failed => "has failed",
+                };
+                let words = format!("run {run} {how}");
+                // The ground station says why in words that begin so.
+                let why = sight.report(now)?.troubles.iter().find(|trouble| trouble.starts_with(&words));
+                Some(why.cloned().unwrap_or(words))
             }
             Condition::Any(conditions) => {
                 let reasons = conditions.iter().map(|one| one.is_hopeless(now, sight));

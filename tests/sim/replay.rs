@@ -12,6 +12,7 @@ use tomoswarm::node::outbox::Outbox;
 use tomoswarm::node::radio::Radio;
 use tomoswarm::node::sensor::Sensor;
 use tomoswarm::node::vehicle::Vehicle;
+use tomoswarm::operator::operator_actor::Operator;
 use tomoswarm::sim::Entry;
 use tomoswarm::sim::bus::NodeId;
 use tomoswarm_proto::codec::{pack, unpack};
@@ -122,15 +123,20 @@ fn an_actor_restored_at_any_moment_goes_on_as_the_original() {
         let place = Place::new(8.0, 8.0).block((4.0, 3.0, 2.0, 0.4)).block((-1.0, 4.0, 0.4, 0.6)).seed(seed);
         let place = place.root("end = \"return\"\nempty_sweep = true\nuntil_s = 2000.0");
         let (mut rovers, mut ground) = (BTreeMap::<_, Rover>::new(), Ground::default());
+        let mut operator = Again::<Operator>::default();
         let mut record = |entry: Entry| match entry {
             Entry::Segment { node: NodeId::Vehicle(id), snapshots, .. } => {
                 snapshots.iter().for_each(|snapshot| rovers.entry(id).or_default().restore(snapshot));
             }
-            Entry::Segment { snapshots, .. } => {
+            Entry::Segment { node: NodeId::Ground, snapshots, .. } => {
                 snapshots.iter().for_each(|snapshot| ground.restore(snapshot))
             }
+            Entry::Segment { node: NodeId::Operator(_), snapshots, .. } => {
+                snapshots.iter().for_each(|snapshot| operator.restore(snapshot))
+            }
             Entry::Step(NodeId::Vehicle(id), step) => rovers.entry(id).or_default().take(&step),
-            Entry::Step(_, step) => ground.take(&step),
+            Entry::Step(NodeId::Ground, step) => ground.take(&step),
+            Entry::Step(NodeId::Operator(_), step) => operator.take(&step),
         };
         let recorded =
             place.scenario().run_recorded(&mut |_| true, Duration::from_secs_f64(segment_s), &mut record);
@@ -141,6 +147,7 @@ fn an_actor_restored_at_any_moment_goes_on_as_the_original() {
             assert!(rover.vehicle.steps > 500 && rover.sensor.steps > 500 && rover.radio.steps > 500);
             assert!(rover.mission.restored > 2);
         }
+        assert!(operator.steps > 500 && operator.restored > 2);
         assert!(ground.station.steps > 500 && ground.planner.steps >= 2 && ground.imager.steps >= 2);
     }
 }

@@ -207,7 +207,7 @@ impl Station {
         }
         self.stalled = false;
         out.push(Out::Note(Note::Stalled(sweep.run)));
-        self.runs.end(sweep.run, RunEnd::Failed, "no vehicle gets on");
+        self.runs.end(sweep.run, RunEnd::Failed, "it cannot be ended, no vehicle gets on");
         self.fleet.order_all(sweep.run, OrderKind::Hold);
         self.publish_orders(out);
         self.last = Some(sweep);

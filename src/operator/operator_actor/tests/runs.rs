@@ -83,9 +83,9 @@ fn a_run_is_driven_before_it_is_done_and_one_that_failed_ends_the_script_with_it
     check(Condition::Driven(RUN), Report { phase: StationPhase::Closing, ..open.clone() }, None);
     check(Condition::Done(RUN), open, None);
     check(Condition::Done(RUN), run_ended(Some(RunEnd::Done), &[]), Some(ScriptEnd::Done));
-    let failed = run_ended(Some(RunEnd::Failed), &["no vehicle gets on"]);
+    let failed = run_ended(Some(RunEnd::Failed), &["too hot", "run 3 has failed: no vehicle gets on"]);
     check(Condition::Done(RUN), failed.clone(), gave_up("run 3 has failed: no vehicle gets on"));
-    check(Condition::Driven(RUN), run_ended(Some(RunEnd::Stopped), &[]), gave_up("run 3 was stopped"));
+    check(Condition::Driven(RUN), run_ended(Some(RunEnd::Stopped), &[]), gave_up("run 3 was given up"));
     let or_else = Condition::Any(vec![Condition::Done(RUN), Condition::InForce]);
     check(or_else, failed, None);
 }
