@@ -85,7 +85,7 @@ fn name(node: NodeId) -> String {
     match node {
         NodeId::Vehicle(id) => format!("vehicle/{id}"),
         NodeId::Ground => "ground".to_owned(),
-        NodeId::Operator(operator) => format!("operator {operator}"),
+        NodeId::Operator(operator) => format!("operator/{operator}"),
     }
 }
 
