@@ -3,12 +3,14 @@
 
 #[path = "orders/chance.rs"]
 mod chance;
+#[path = "orders/ground.rs"]
+mod ground;
 #[path = "orders/nodes.rs"]
 mod nodes;
 #[path = "orders/world.rs"]
 mod world;
 
-use world::{Mistake, play};
+use world::{Mistake, Tally, play};
 
 /// Worlds of every run of the tests.
 const SEEDS: u64 = 100;
@@ -17,15 +19,17 @@ const NOTICED_WITHIN: u64 = 20;
 
 #[test]
 fn what_an_operator_calls_obeyed_was_in_force_no_lower_lease_is_obeyed_and_every_want_ends() {
-    let (mut obeyed, mut below_disk) = (0, 0);
+    let mut sum = Tally::default();
     for seed in 0..SEEDS {
         match play(seed, None) {
-            Ok(tally) => (obeyed, below_disk) = (obeyed + tally.obeyed, below_disk + tally.below_disk),
+            Ok(tally) => sum.add(&tally),
             Err(wrong) => panic!("{wrong}"),
         }
     }
+    let Tally { obeyed, below_disk, ground_starts, .. } = sum;
     assert!(obeyed > 10 * SEEDS, "the claims are about {obeyed} orders only");
     assert!(below_disk > 0, "no order came that a vehicle started anew must refuse");
+    assert!(ground_starts > SEEDS, "the ground station gave {ground_starts} starts only");
 }
 
 fn is_noticed(mistake: Mistake, by: &str) {
@@ -56,4 +60,19 @@ fn a_vehicle_that_forgets_what_it_obeyed_when_it_is_started_anew_is_noticed() {
 #[test]
 fn an_order_that_is_shown_before_it_is_on_disk_is_noticed() {
     is_noticed(Mistake::ToldTooEarly, "shows");
+}
+
+#[test]
+fn a_ground_station_that_does_not_see_what_operators_have_stopped_is_noticed() {
+    is_noticed(Mistake::GroundSeesNoStops, "has stopped");
+}
+
+#[test]
+fn a_restarted_ground_station_that_orders_below_what_is_in_force_is_noticed() {
+    is_noticed(Mistake::GroundOrdersBelow, "below");
+}
+
+#[test]
+fn a_ground_station_that_does_not_wait_for_its_disk_is_noticed() {
+    is_noticed(Mistake::GroundDoesNotWait, "two plans");
 }
