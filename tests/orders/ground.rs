@@ -195,7 +195,7 @@ impl Ground {
         }
         let Some(said) = self.step(now, given) else { return Turn::Rests };
         let said: Vec<Out> = said.into_iter().map(|out| self.as_mistaken(out)).collect();
-        let wrong = said.iter().find_map(|out| self.judge(now, out));
+        let wrong = said.iter().find_map(|out| self.judge_order(now, out));
         self.unsaid.extend(said);
         wrong.map_or(Turn::Acted, Turn::Wrong)
     }
@@ -211,7 +211,10 @@ impl Ground {
 
     fn carry_out(&mut self, now: Time, out: Out) -> Turn {
         match out {
-            Out::Publish(message) => return Turn::Publish(message),
+            Out::Publish(message) => {
+                let wrong = if let Message::Plan(plan) = &message { self.judge_plan(plan) } else { None };
+                return wrong.map_or(Turn::Publish(message), Turn::Wrong);
+            }
             Out::Remember(memory) => {
                 self.writing = Some((now, *memory, self.known.clone()));
                 return Turn::Writes;
@@ -275,29 +278,16 @@ impl Ground {
         out
     }
 
-    /// Judges what the station says by what it knows.
-    fn judge(&mut self, now: Time, out: &Out) -> Option<String> {
-        match out {
-            Out::Publish(Message::Order(order)) => self.judge_order(now, order),
-            Out::Publish(Message::Plan(plan)) => self.judge_plan(plan),
-            Out::Publish(_)
-            | Out::Ask(_)
-            | Out::Reconstruct(_)
-            | Out::Note(_)
-            | Out::BeginRun { .. }
-            | Out::EndRun(_)
-            | Out::Remember(_) => None,
-        }
-    }
-
-    /// What an operator has stopped no ground station starts; and none goes on ordering below what it was shown.
-    fn judge_order(&self, now: Time, order: &Order) -> Option<String> {
+    /// Judges an order by what the station knows: what an operator has stopped no ground station starts, and none goes on
+    /// ordering below what it was shown.
+    fn judge_order(&self, now: Time, out: &Out) -> Option<String> {
+        let Out::Publish(Message::Order(order)) = out else { return None };
         if order.kind == OrderKind::Start && self.known.stopped.contains(&order.vehicle) {
             return Some(format!("the ground starts what an operator has stopped: {order:?}"));
         }
-        let (since, edition) = *self.known.shown.get(&order.vehicle)?;
-        let is_below = (order.lease, order.revision) <= edition && now.since(since) > LEARNS_WITHIN;
-        is_below.then(|| format!("the ground orders {order:?} below {edition:?}"))
+        let (since, shown) = *self.known.shown.get(&order.vehicle)?;
+        let is_below = (order.lease, order.revision) < shown && now.since(since) > LEARNS_WITHIN;
+        is_below.then(|| format!("the ground orders {order:?} below {shown:?}"))
     }
 
     /// No edition of a plan is given twice, whatever was forgotten.

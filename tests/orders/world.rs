@@ -173,7 +173,9 @@ fn rover(sim: &Sim, id: VehicleId, boot: Boot, memory: Memory) -> Vehicle {
 impl World {
     fn new(seed: u64, mistake: Option<Mistake>) -> World {
         let (chance, sim) = (Chance::new(seed), sim());
-        let rovers = (1..=VEHICLES).map(VehicleId).map(|id| Rover::new(id, rover(&sim, id, Boot(1), Memory::default())));
+        let rovers = (1..=VEHICLES)
+            .map(VehicleId)
+            .map(|id| Rover::new(id, rover(&sim, id, Boot(1), Memory::default())));
         let rovers = rovers.collect();
         let mut world = World {
             chance,
