@@ -15,7 +15,7 @@ use world::{Mistake, Tally, play};
 /// Worlds of every run of the tests.
 const SEEDS: u64 = 100;
 /// A planted mistake is noticed within so many worlds.
-const NOTICED_WITHIN: u64 = 20;
+const NOTICED_WITHIN: u64 = 100;
 
 #[test]
 fn what_an_operator_calls_obeyed_was_in_force_no_lower_lease_is_obeyed_and_every_want_ends() {

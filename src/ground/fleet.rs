@@ -26,7 +26,9 @@ pub struct Dealings {
     pub issued: Option<Order>,
     /// Whether that order is still to be repeated.
     pub is_pending: bool,
-    /// An own start that was given up because somebody else has stopped the vehicle; it may still be on its way.
+    /// Whether it was said; then it may be on its way.
+    pub is_said: bool,
+    /// An own start that was said, and given up because somebody else has stopped the vehicle.
     pub crossing: Option<Order>,
     /// What it said last that it was ordered.
     pub echo: Option<Ordered>,
@@ -237,6 +239,14 @@ impl Fleet {
         self.members.values().filter_map(order).collect()
     }
 
+    /// Takes the open orders for said.
+    pub fn note_said(&mut self) {
+        for member in self.members.values_mut() {
+            let is_open = member.state.is_some() && member.dealings.is_pending;
+            member.dealings.is_said |= is_open && member.dealings.issued.is_some();
+        }
+    }
+
     /// Gives who has not said its state for `after`, although another vehicle was heard within `others`; they are lost from
     /// now on.
     pub fn lose(&mut self, now: Time, after: Duration, others: Duration) -> Vec<VehicleId> {
@@ -301,7 +311,7 @@ impl Dealings {
         let pending = pending.map_or(Revision(0), |order| order.revision);
         let revision = Revision(obeyed.max(pending).0.saturating_add(1));
         self.issued = Some(Order { vehicle, lease, run, revision, seen: None, kind, ends: Vec::new() });
-        self.is_pending = true;
+        (self.is_pending, self.is_said) = (true, false);
         self.stand(kind);
     }
 
@@ -311,6 +321,7 @@ impl Dealings {
         let pending = self.issued.as_mut().filter(|order| self.is_pending && order.lease != lease);
         if let Some(order) = pending {
             (order.lease, order.revision) = (lease, Revision(obeyed.0.saturating_add(1)));
+            self.is_said = false;
         }
     }
 
@@ -344,9 +355,8 @@ impl Dealings {
         let is_start = kind == OrderKind::Start;
         if is_beaten {
             // Another order of the same edition is not taken for the own one.
-            let lost = self.issued.take();
-            self.crossing = lost
-                .filter(|order| !is_start && order.kind == OrderKind::Start && of(order) > echo.edition());
+            let lost = self.issued.take().filter(|order| self.is_said && order.kind == OrderKind::Start);
+            self.crossing = lost.filter(|order| !is_start && of(order) > echo.edition());
         }
         self.stand(kind);
         let is_fresh = known.is_some() || (echo.lease >= lease && accepted < echo.run);
@@ -373,6 +383,7 @@ impl Dealings {
             pending.filter(|order| order.lease == echo.lease && order.revision < echo.revision)
         {
             order.revision = Revision(echo.revision.0.saturating_add(1));
+            self.is_said = false;
         }
     }
 
@@ -470,6 +481,7 @@ mod tests {
             heard(&mut fleet, 1, 2, OrderKind::Start);
             fleet.order_all(RunId(1), OrderKind::Start);
             fleet.order_all(RunId(1), OrderKind::Start);
+            fleet.note_said();
             // The operator has not heard of the own start, which has revision 4.
             heard(&mut fleet, 2, 3, stop);
             assert_eq!(heard(&mut fleet, 3, 4, OrderKind::Start).started, None);

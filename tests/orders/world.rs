@@ -63,7 +63,7 @@ pub enum Mistake {
     GroundSeesNoStops,
     /// A ground station that is started anew orders by the lease that it held first.
     GroundOrdersBelow,
-    /// The ground station does not wait until its disk has what it says.
+    /// The ground station does not wait until its disk, a slow one, has what it says.
     GroundDoesNotWait,
 }
 
@@ -641,7 +641,9 @@ impl World {
                 Turn::Publish(message) => self.publish_of_ground(message),
                 Turn::Writes => {
                     let share = self.chance.share("ground writes", &[self.now.as_nanos()]);
-                    let takes = Duration::from_millis(1) + Duration::from_millis(60).mul_f64(share);
+                    let is_slow = self.mistake == Some(Mistake::GroundDoesNotWait);
+                    let at_most = Duration::from_millis(if is_slow { 3000 } else { 60 });
+                    let takes = Duration::from_millis(1) + at_most.mul_f64(share);
                     self.ground.write_until(self.now + takes);
                 }
                 Turn::Wrong(wrong) => {
