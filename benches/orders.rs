@@ -8,13 +8,16 @@ mod chance;
 mod ground;
 #[path = "../tests/orders/nodes.rs"]
 mod nodes;
+#[path = "../tests/orders/tally.rs"]
+mod tally;
 #[path = "../tests/orders/world.rs"]
 mod world;
 
 use std::process::ExitCode;
 use std::time::Instant;
 
-use world::{Tally, play};
+use tally::Tally;
+use world::play;
 
 fn main() -> ExitCode {
     let numbers: Vec<u64> = std::env::args().filter_map(|word| word.parse().ok()).collect();

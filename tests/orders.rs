@@ -1,5 +1,5 @@
 //! Orders under faults, in virtual time: 30 % loss, delays, doubling, partitions, restarts of vehicles and of the ground
-//! station, two operators with take-over, one of them at times by a script. More seeds: `cargo bench --bench orders -- 2000`.
+//! station, at times with an empty disk, two operators with take-over, one of them at times by a script. More seeds: `cargo bench --bench orders -- 2000`.
 
 #[path = "orders/chance.rs"]
 mod chance;
@@ -7,20 +7,26 @@ mod chance;
 mod ground;
 #[path = "orders/nodes.rs"]
 mod nodes;
+#[path = "orders/tally.rs"]
+mod tally;
 #[path = "orders/world.rs"]
 mod world;
 
-use world::{Mistake, Tally, play};
+use tally::{Mistake, Tally};
+use world::play;
 
 /// Worlds of every run of the tests.
 const SEEDS: u64 = 100;
+/// Worlds beyond these that have found a mistake, which is mended: starts called obeyed that never came, a ground station
+/// that started what an operator had stopped, and one that ordered below what it was shown.
+const KEPT: [u64; 9] = [185, 227, 276, 457, 899, 1298, 1415, 1753, 1755];
 /// A planted mistake is noticed within so many worlds.
 const NOTICED_WITHIN: u64 = 100;
 
 #[test]
 fn what_an_operator_calls_obeyed_was_in_force_no_lower_lease_is_obeyed_and_every_want_ends() {
     let mut sum = Tally::default();
-    for seed in 0..SEEDS {
+    for seed in (0..SEEDS).chain(KEPT) {
         match play(seed, None) {
             Ok(tally) => sum.add(&tally),
             Err(wrong) => panic!("{wrong}"),

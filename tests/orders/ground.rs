@@ -16,7 +16,7 @@ use tomoswarm_proto::{
 };
 
 use super::nodes::VEHICLES;
-use super::world::Mistake;
+use super::tally::Mistake;
 
 /// An order below what the station was shown is not repeated for longer.
 const LEARNS_WITHIN: Duration = Duration::from_millis(1500);
@@ -82,7 +82,7 @@ impl Knowledge {
         let is_other = |giver| giver != Giver::Ground(store);
         if given.is_by(vehicle, ordered.edition(), kind, is_other) {
             match kind {
-                // Of an earlier station whose disk is lost nobody knows that it was no operator.
+                // Nobody knows any more of a start by a station whose disk is lost that no operator gave it.
                 OrderKind::Start => self.stopped.remove(&vehicle),
                 OrderKind::Hold
                 | OrderKind::Return
