@@ -4,15 +4,20 @@
 
 #[path = "../tests/orders/chance.rs"]
 mod chance;
+#[path = "../tests/orders/ground.rs"]
+mod ground;
 #[path = "../tests/orders/nodes.rs"]
 mod nodes;
+#[path = "../tests/orders/tally.rs"]
+mod tally;
 #[path = "../tests/orders/world.rs"]
 mod world;
 
 use std::process::ExitCode;
 use std::time::Instant;
 
-use world::{Tally, play};
+use tally::Tally;
+use world::play;
 
 fn main() -> ExitCode {
     let numbers: Vec<u64> = std::env::args().filter_map(|word| word.parse().ok()).collect();
@@ -21,22 +26,13 @@ fn main() -> ExitCode {
     let (mut sum, mut wrong) = (Tally::default(), 0);
     for seed in first..first + seeds {
         match play(seed, None) {
-            Ok(Tally { obeyed, not_obeyed, below_disk }) => {
-                sum.obeyed += obeyed;
-                sum.not_obeyed += not_obeyed;
-                sum.below_disk += below_disk;
-            }
+            Ok(tally) => sum.add(&tally),
             Err(what) => {
                 println!("{what}");
                 wrong += 1;
             }
         }
     }
-    let Tally { obeyed, not_obeyed, below_disk } = sum;
-    println!(
-        "{seeds} worlds in {:.1} s: {wrong} wrong; {obeyed} orders obeyed, {not_obeyed} not; {below_disk} came to \
-         a vehicle started anew below what its disk had",
-        began.elapsed().as_secs_f64()
-    );
+    println!("{seeds} worlds in {:.1} s: {wrong} wrong; {sum}", began.elapsed().as_secs_f64());
     if wrong == 0 { ExitCode::SUCCESS } else { ExitCode::FAILURE }
 }

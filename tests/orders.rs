@@ -1,31 +1,41 @@
 //! Orders under faults, in virtual time: 30 % loss, delays, doubling, partitions, restarts of vehicles and of the ground
-//! station, two operators with take-over, one of them at times by a script. More seeds: `cargo bench --bench orders -- 2000`.
+//! station, at times with an empty disk, two operators with take-over, one of them at times by a script. More seeds: `cargo bench --bench orders -- 2000`.
 
 #[path = "orders/chance.rs"]
 mod chance;
+#[path = "orders/ground.rs"]
+mod ground;
 #[path = "orders/nodes.rs"]
 mod nodes;
+#[path = "orders/tally.rs"]
+mod tally;
 #[path = "orders/world.rs"]
 mod world;
 
-use world::{Mistake, play};
+use tally::{Mistake, Tally};
+use world::play;
 
 /// Worlds of every run of the tests.
 const SEEDS: u64 = 100;
+/// Worlds beyond these that have found a mistake, which is mended: starts called obeyed that never came, a ground station
+/// that started what an operator had stopped, and one that ordered below what it was shown.
+const KEPT: [u64; 9] = [185, 227, 276, 457, 899, 1298, 1415, 1753, 1755];
 /// A planted mistake is noticed within so many worlds.
-const NOTICED_WITHIN: u64 = 20;
+const NOTICED_WITHIN: u64 = 100;
 
 #[test]
 fn what_an_operator_calls_obeyed_was_in_force_no_lower_lease_is_obeyed_and_every_want_ends() {
-    let (mut obeyed, mut below_disk) = (0, 0);
-    for seed in 0..SEEDS {
+    let mut sum = Tally::default();
+    for seed in (0..SEEDS).chain(KEPT) {
         match play(seed, None) {
-            Ok(tally) => (obeyed, below_disk) = (obeyed + tally.obeyed, below_disk + tally.below_disk),
+            Ok(tally) => sum.add(&tally),
             Err(wrong) => panic!("{wrong}"),
         }
     }
+    let Tally { obeyed, below_disk, ground_starts, .. } = sum;
     assert!(obeyed > 10 * SEEDS, "the claims are about {obeyed} orders only");
     assert!(below_disk > 0, "no order came that a vehicle started anew must refuse");
+    assert!(ground_starts > SEEDS, "the ground station gave {ground_starts} starts only");
 }
 
 fn is_noticed(mistake: Mistake, by: &str) {
@@ -56,4 +66,19 @@ fn a_vehicle_that_forgets_what_it_obeyed_when_it_is_started_anew_is_noticed() {
 #[test]
 fn an_order_that_is_shown_before_it_is_on_disk_is_noticed() {
     is_noticed(Mistake::ToldTooEarly, "shows");
+}
+
+#[test]
+fn a_ground_station_that_does_not_see_what_operators_have_stopped_is_noticed() {
+    is_noticed(Mistake::GroundSeesNoStops, "has stopped");
+}
+
+#[test]
+fn a_restarted_ground_station_that_orders_below_what_is_in_force_is_noticed() {
+    is_noticed(Mistake::GroundOrdersBelow, "below");
+}
+
+#[test]
+fn a_ground_station_that_does_not_wait_for_its_disk_is_noticed() {
+    is_noticed(Mistake::GroundDoesNotWait, "two plans");
 }

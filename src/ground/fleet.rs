@@ -4,7 +4,8 @@
 //! **Orders by several.** The station and an operator's `order` use the same lease, each with a revision above the
 //! vehicle's echo; the higher (lease, revision) wins, and a vehicle obeys only what is above its echo. So an echo that
 //! is not the station's own order shows what somebody else has ordered: a Start, or something that *stands* until the
-//! next Start of that vehicle. An own order that lost is given up, never raised over the other one.
+//! next Start of that vehicle. An own order that lost is given up, never raised over the other one; a Start that was on its
+//! way when somebody stopped the vehicle, and came later, lifts nothing: what stands is ordered again, above it.
 
 use std::collections::BTreeMap;
 use std::time::Duration;
@@ -25,6 +26,10 @@ pub struct Dealings {
     pub issued: Option<Order>,
     /// Whether that order is still to be repeated.
     pub is_pending: bool,
+    /// Whether it was said; then it may be on its way.
+    pub is_said: bool,
+    /// An own start that was said, and given up because somebody else has stopped the vehicle.
+    pub crossing: Option<Order>,
     /// What it said last that it was ordered.
     pub echo: Option<Ordered>,
     /// The run that it had been started for before anything was heard of it, as long as it shows nothing else.
@@ -198,13 +203,12 @@ impl Fleet {
         present.filter_map(|member| member.dealings.stands).reduce(OrderKind::stronger)
     }
 
-    /// Orders by this right from now on; what is still to be repeated too.
+    /// Orders by this right from now on; what is still to be repeated too, as the first of this right: others count from
+    /// there as well, and a higher revision would beat what they order.
     pub fn set_lease(&mut self, lease: Lease) {
         self.lease = lease;
         for member in self.members.values_mut() {
-            if let Some(order) = member.dealings.issued.as_mut().filter(|_| member.dealings.is_pending) {
-                order.lease = lease;
-            }
+            member.dealings.pass_to(lease);
         }
     }
 
@@ -233,6 +237,14 @@ impl Fleet {
             Some(Order { seen: Some(seen), ..order.clone() })
         };
         self.members.values().filter_map(order).collect()
+    }
+
+    /// Takes the open orders for said.
+    pub fn note_said(&mut self) {
+        for member in self.members.values_mut() {
+            let is_open = member.state.is_some() && member.dealings.is_pending;
+            member.dealings.is_said |= is_open && member.dealings.issued.is_some();
+        }
     }
 
     /// Gives who has not said its state for `after`, although another vehicle was heard within `others`; they are lost from
@@ -293,13 +305,24 @@ impl Member {
 
 impl Dealings {
     fn order(&mut self, vehicle: VehicleId, lease: Lease, run: RunId, kind: OrderKind) {
-        let obeyed = self.echo.map_or(Revision(0), |echo| echo.revision);
-        let pending = self.issued.as_ref().filter(|_| self.is_pending);
+        let echo = self.echo.filter(|echo| echo.lease >= lease);
+        let obeyed = echo.map_or(Revision(0), |echo| echo.revision);
+        let pending = self.issued.as_ref().filter(|order| self.is_pending && order.lease == lease);
         let pending = pending.map_or(Revision(0), |order| order.revision);
         let revision = Revision(obeyed.max(pending).0.saturating_add(1));
         self.issued = Some(Order { vehicle, lease, run, revision, seen: None, kind, ends: Vec::new() });
-        self.is_pending = true;
+        (self.is_pending, self.is_said) = (true, false);
         self.stand(kind);
+    }
+
+    /// Gives what is still to be repeated by another right, above what the vehicle shows of that right.
+    fn pass_to(&mut self, lease: Lease) {
+        let obeyed = self.echo.filter(|echo| echo.lease == lease).map_or(Revision(0), |echo| echo.revision);
+        let pending = self.issued.as_mut().filter(|order| self.is_pending && order.lease != lease);
+        if let Some(order) = pending {
+            (order.lease, order.revision) = (lease, Revision(obeyed.0.saturating_add(1)));
+            self.is_said = false;
+        }
     }
 
     fn stand(&mut self, kind: OrderKind) {
@@ -315,10 +338,12 @@ impl Dealings {
         self.go_above(echo);
         let kind = echo.kind.filter(|_| known != Some(echo))?;
         let of = |order: &Order| (order.lease, order.revision);
-        let is_own = self
-            .issued
-            .as_ref()
-            .is_some_and(|order| of(order) == echo.edition() && (order.kind, order.run) == (kind, echo.run));
+        let is = |order: &Order| of(order) == echo.edition() && (order.kind, order.run) == (kind, echo.run);
+        if let Some(order) = self.crossing.take_if(|order| is(order)) {
+            self.stop_again(order.vehicle, lease, echo.run);
+            return None;
+        }
+        let is_own = self.issued.as_ref().is_some_and(is);
         // What somebody has stopped meanwhile is not started again by what was ordered before.
         let is_beaten = self.issued.as_ref().is_some_and(|order| {
             echo.edition() >= of(order) || (kind != OrderKind::Start && order.kind == OrderKind::Start)
@@ -327,15 +352,28 @@ impl Dealings {
         if is_own {
             return None;
         }
+        let is_start = kind == OrderKind::Start;
         if is_beaten {
             // Another order of the same edition is not taken for the own one.
-            self.issued = None;
+            let lost = self.issued.take().filter(|order| self.is_said && order.kind == OrderKind::Start);
+            self.crossing = lost.filter(|order| !is_start && of(order) > echo.edition());
         }
         self.stand(kind);
-        let is_start = kind == OrderKind::Start;
         let is_fresh = known.is_some() || (echo.lease >= lease && accepted < echo.run);
         self.earlier = (is_start && !is_fresh && echo.lease >= lease).then_some(echo.run);
         (is_start && is_fresh).then_some(echo.run)
+    }
+
+    /// An own start has come after what stands: that is ordered again. Motors that would be cut stop otherwise: the vehicle
+    /// may be under way by now.
+    fn stop_again(&mut self, vehicle: VehicleId, lease: Lease, run: RunId) {
+        match self.stands {
+            None | Some(OrderKind::Start) => {}
+            Some(OrderKind::CutMotors) => self.order(vehicle, lease, run, OrderKind::Emergency),
+            Some(kind @ (OrderKind::Hold | OrderKind::Return | OrderKind::Land | OrderKind::Emergency)) => {
+                self.order(vehicle, lease, run, kind);
+            }
+        }
     }
 
     /// Orders above what a vehicle that was started anew remembers of this lease: it obeys nothing lower.
@@ -345,6 +383,7 @@ impl Dealings {
             pending.filter(|order| order.lease == echo.lease && order.revision < echo.revision)
         {
             order.revision = Revision(echo.revision.0.saturating_add(1));
+            self.is_said = false;
         }
     }
 
@@ -429,6 +468,63 @@ mod tests {
             let shown = heard(&mut fleet, 3, revision + 1, OrderKind::Start);
             assert_eq!((fleet.standing(), shown.started), (None, Some(RunId(1))));
         }
+    }
+
+    #[test]
+    fn an_own_start_that_came_after_a_stop_lifts_nothing_and_the_stop_is_ordered_again() {
+        for (stop, again) in [
+            (OrderKind::Hold, OrderKind::Hold),
+            (OrderKind::Land, OrderKind::Land),
+            (OrderKind::CutMotors, OrderKind::Emergency),
+        ] {
+            let mut fleet = Fleet::new(&[ONE], LEASE);
+            heard(&mut fleet, 1, 2, OrderKind::Start);
+            fleet.order_all(RunId(1), OrderKind::Start);
+            fleet.order_all(RunId(1), OrderKind::Start);
+            fleet.note_said();
+            // The operator has not heard of the own start, which has revision 4.
+            heard(&mut fleet, 2, 3, stop);
+            assert_eq!(heard(&mut fleet, 3, 4, OrderKind::Start).started, None);
+            assert_eq!(fleet.standing(), Some(stop));
+            let orders = fleet.open_orders();
+            assert_eq!((orders[0].kind, orders[0].revision), (again, Revision(5)));
+            fleet.start_all(RunId(1));
+            assert_eq!(fleet.open_orders(), orders, "what stands is not started");
+            heard(&mut fleet, 4, 5, again);
+            heard(&mut fleet, 5, 6, OrderKind::Start);
+            assert_eq!(fleet.standing(), None, "somebody has started it");
+        }
+    }
+
+    #[test]
+    fn under_another_lease_orders_count_from_one_again() {
+        let mut fleet = Fleet::new(&[ONE], LEASE);
+        heard(&mut fleet, 1, 7, OrderKind::Start);
+        fleet.order_all(RunId(1), OrderKind::Start);
+        assert_eq!(fleet.open_orders()[0].revision, Revision(8));
+        let next = Lease { number: 2, ..LEASE };
+        for order_anew in [false, true] {
+            fleet.set_lease(next);
+            if order_anew {
+                heard(&mut fleet, 2, 9, OrderKind::Hold);
+                fleet.order_all(RunId(1), OrderKind::Start);
+            }
+            let order = &fleet.open_orders()[0];
+            assert_eq!((order.lease, order.revision), (next, Revision(1)), "{order_anew}");
+        }
+    }
+
+    #[test]
+    fn what_waits_goes_above_what_a_vehicle_started_anew_remembers_of_the_next_lease() {
+        let mut fleet = Fleet::new(&[ONE], LEASE);
+        heard(&mut fleet, 1, 7, OrderKind::Start);
+        fleet.order_all(RunId(1), OrderKind::Start);
+        let next = Lease { number: 2, ..LEASE };
+        let remembered = Ordered { lease: next, revision: Revision(3), run: RunId(1), kind: None };
+        let anew = State { boot: Boot(2), ordered: remembered, ..state(1, 0, None) };
+        fleet.heard_state(Time::ZERO, anew);
+        fleet.set_lease(next);
+        assert_eq!(fleet.open_orders()[0].revision, Revision(4));
     }
 
     #[test]

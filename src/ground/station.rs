@@ -404,8 +404,9 @@ impl Station {
         self.plans_at = now;
     }
 
-    fn publish_orders(&self, out: &mut Vec<Out>) {
+    fn publish_orders(&mut self, out: &mut Vec<Out>) {
         out.extend(self.fleet.open_orders().into_iter().map(|order| Out::Publish(Message::Order(order))));
+        self.fleet.note_said();
     }
 
     fn lease_changed(&mut self, now: Time, change: Option<Change>, out: &mut Vec<Out>) {

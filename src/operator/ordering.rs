@@ -338,6 +338,8 @@ impl Ordering {
             return;
         };
         let is_same_lease = echo.lease == issued.lease;
+        // What has our edition was ordered instead of ours, not after it.
+        let is_later = echo.edition() > (issued.lease, issued.revision);
         if delivery.obeyed.is_some() && stands {
             let is_by_ground = is_same_lease && ground == Some(None);
             delivery.doubt(now, echo, theirs == kind || is_by_ground);
@@ -352,7 +354,7 @@ impl Ordering {
         {
             delivery.insisted += 1;
             (delivery.issued, delivery.sent_at) = (None, None);
-        } else if kind == OrderKind::Start && is_same_lease && ground.is_some() {
+        } else if may_be_brought_about(kind, theirs) && is_later && is_same_lease && ground.is_some() {
             let since = delivery.contested.map_or(now, |(since, _)| since);
             delivery.contested = Some((since, echo));
         } else {
@@ -476,6 +478,12 @@ impl Ordering {
         }
         run
     }
+}
+
+/// Returns whether what came above an order may be the ground station bringing that about: it lets everyone hold who was
+/// started.
+fn may_be_brought_about(ours: OrderKind, theirs: OrderKind) -> bool {
+    (ours, theirs) == (OrderKind::Start, OrderKind::Hold)
 }
 
 #[cfg(test)]

@@ -1,27 +1,41 @@
-//! Who takes part: vehicles with what is truly in force on them, and operators with what is judged of them.
+//! Who takes part: vehicles with what is truly in force on them, and operators with what is judged of them. The ground
+//! station has a page of its own.
 
 use std::collections::{BTreeMap, BTreeSet};
+use std::time::Duration;
 
 use tomoswarm::actor::ActorCell;
+use tomoswarm::geom::Point;
 use tomoswarm::node::Memory;
 use tomoswarm::node::vehicle::Vehicle;
 use tomoswarm::operator::operator_actor::{In, Operator, OperatorSettings};
 use tomoswarm::operator::want::{Want, WantId};
+use tomoswarm::sweep::Follower;
 use tomoswarm::time::Time;
-use tomoswarm_proto::{Boot, Hello, Lease, OperatorId, Order, Ordered, Revision, Sender, VehicleId};
+use tomoswarm_proto::{
+    Boot, Hello, Lease, Mission, OperatorId, Order, Ordered, Plan, Revision, Sender, VehicleId,
+};
 
 /// Vehicles of a world.
 pub const VEHICLES: u8 = 3;
 
-/// A vehicle: its order logic, and what is truly in force on it.
+/// Where a follower of a plan may stand to begin it, metres.
+const TOLERANCE_M: f64 = 0.5;
+
+/// A vehicle: its order logic, the plans that it has accepted and never drives, and what is truly in force on it.
 pub struct Rover {
     pub id: VehicleId,
     pub actor: Vehicle,
+    pub follower: Follower,
+    /// Plans by a greater right than any before, which wait for the disk.
+    pub plans: Vec<Plan>,
     pub boot: Boot,
     /// Its software runs from here on.
     pub up_from: Time,
     pub in_force: Ordered,
     pub history: Vec<(Time, Ordered)>,
+    /// Whether what an operator ordered it last was not to start.
+    pub is_stopped: bool,
     pub disk: Disk,
 }
 
@@ -50,10 +64,15 @@ pub struct Hand {
     pub newest: BTreeMap<VehicleId, Order>,
 }
 
+/// Returns where a vehicle stands.
+pub fn place_of(id: VehicleId) -> Point {
+    Point::new(2.0 * f64::from(id.0), -1.0)
+}
+
 impl Hand {
     pub fn new(number: u8) -> Hand {
         let hello = Hello {
-            node: Sender::Operator(OperatorId(1)),
+            node: Sender::Operator(OperatorId(number)),
             boot: Boot(0),
             venue_hash: 5,
             instance: u64::from(number),
@@ -93,6 +112,74 @@ impl Hand {
 }
 
 impl Rover {
+    /// Makes a vehicle that was never ordered anything, of its order logic.
+    pub fn new(id: VehicleId, actor: Vehicle) -> Rover {
+        Rover {
+            id,
+            actor,
+            follower: Follower::new(id, place_of(id), TOLERANCE_M),
+            plans: Vec::new(),
+            boot: Boot(1),
+            up_from: Time::ZERO,
+            in_force: Ordered::default(),
+            history: vec![(Time::ZERO, Ordered::default())],
+            is_stopped: false,
+            disk: Disk::default(),
+        }
+    }
+
+    /// Starts its software anew, which runs `down` later; what was being written is lost.
+    pub fn restart(&mut self, now: Time, down: Duration) {
+        self.boot.0 += 1;
+        self.disk.writes.clear();
+        self.plans.clear();
+        self.follower = Follower::new(self.id, place_of(self.id), TOLERANCE_M);
+        self.up_from = now + down;
+        self.in_force = Ordered::default();
+        self.history.push((now, Ordered::default()));
+    }
+
+    /// Takes a plan as a vehicle does that stands; one by a greater right than any before waits for the disk. Returns
+    /// what is to be remembered.
+    pub fn hear_plan(&mut self, plan: &Plan) -> Option<Memory> {
+        let greatest = self.in_force.lease.max(self.disk.memory.planned);
+        if plan.lease < greatest {
+            return None;
+        }
+        if plan.lease == greatest {
+            self.follow(plan);
+            return None;
+        }
+        self.plans.push(plan.clone());
+        Some(Memory::of_plan(plan.lease))
+    }
+
+    /// Follows the plans that need not wait for the disk any more.
+    pub fn follow_what_is_on_disk(&mut self) {
+        let planned = self.disk.memory.planned;
+        for plan in self.plans.extract_if(.., |plan| plan.lease <= planned).collect::<Vec<Plan>>() {
+            self.follow(&plan);
+        }
+    }
+
+    fn follow(&mut self, plan: &Plan) {
+        self.follower.offer(plan);
+        self.follower.hold(place_of(self.id));
+    }
+
+    /// Returns how far it says to be; `ordered` is the greatest lease of an order on its disk.
+    pub fn mission(&self, ordered: Lease) -> Mission {
+        let progress = self.follower.progress();
+        let lease_number = ordered.max(self.disk.memory.planned).number;
+        Mission {
+            vehicle: self.id,
+            boot: self.boot,
+            progress: progress.into(),
+            lease_number,
+            ..Mission::default()
+        }
+    }
+
     /// Tells whether such an order was in force at any moment of a span.
     pub fn was_in_force(&self, from: Time, until: Time, is_it: impl Fn(&Ordered) -> bool) -> bool {
         let ends = self.history.iter().skip(1).map(|(at, _)| *at).chain([Time::NEVER]);

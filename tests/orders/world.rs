@@ -1,6 +1,7 @@
 //! Operators and vehicles over a bus that loses, delays, doubles and cuts, in virtual time and by a seed. The operators and
-//! the vehicles' order logic are the real ones; the ground station only holds a lease and reports what stands. After 40 s
-//! nothing is cut or started anew any more, and one operator wants everybody to hold.
+//! the vehicles' order logic are the real ones, and so are the ground station and its planner. Vehicles follow plans as far
+//! as one does that never drives. After 40 s nothing is cut or started anew any more, and one operator wants everybody to
+//! hold.
 //!
 //! Judged is every moment by what was truly in force on each vehicle, which no operator sees. Mistakes can be planted; they
 //! are made of altered messages, so that the real code need not know of them.
@@ -10,7 +11,7 @@ use std::time::Duration;
 
 use tomoswarm::actor::Actor;
 use tomoswarm::config::{self, Config, Sim, bundled};
-use tomoswarm::geom::{Angle, Point, Pose};
+use tomoswarm::geom::{Angle, Pose};
 use tomoswarm::node::vehicle::{self, Motion, Telemetry, Vehicle};
 use tomoswarm::node::{Memory, Remembered, Settings};
 use tomoswarm::operator::Heard;
@@ -20,11 +21,13 @@ use tomoswarm::operator::script::Step;
 use tomoswarm::operator::want::{Want, WantId};
 use tomoswarm::time::Time;
 use tomoswarm_proto::{
-    Boot, Lease, Message, OperatorId, Order, OrderKind, Ordered, Report, RunId, Sender, State, VehicleId,
+    Boot, Lease, Message, OperatorId, Order, OrderKind, Ordered, Plan, RunId, Sender, State, VehicleId,
 };
 
 use super::chance::Chance;
-use super::nodes::{Disk, Hand, Rover, VEHICLES};
+use super::ground::{Given, Giver, Ground, Turn};
+use super::nodes::{Hand, Rover, VEHICLES, place_of};
+use super::tally::{Mistake, Tally};
 
 const TICK: Duration = Duration::from_millis(10);
 /// Nothing that the bus carries comes later.
@@ -42,32 +45,6 @@ const WITHIN: Duration = Duration::from_secs(5);
 const LAST_WITHIN: Duration = Duration::from_secs(8);
 /// The number of the last want.
 const LAST: u32 = 1000;
-
-/// A mistake that is planted.
-#[derive(Clone, Copy, PartialEq, Eq, Debug)]
-pub enum Mistake {
-    /// An order is sent once, and not again.
-    NotRepeated,
-    /// A vehicle takes the lower lease for the higher one.
-    LeaseComparedWrongly,
-    /// An operator takes a state that shows an old order of the same kind for obedience.
-    OldStateCounts,
-    /// A vehicle that is started anew has forgotten what it obeyed.
-    MemoryLost,
-    /// A vehicle is told that its disk has what is only on its way there.
-    ToldTooEarly,
-}
-
-/// What came of a world.
-#[derive(Clone, Copy, Default, Debug)]
-pub struct Tally {
-    /// Vehicles that an operator called obedient.
-    pub obeyed: u64,
-    /// Wants that ended otherwise for a vehicle.
-    pub not_obeyed: u64,
-    /// Orders that reached a vehicle below what an earlier start of it has left on its disk: none may be obeyed.
-    pub below_disk: u64,
-}
 
 /// Who takes part.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Debug)]
@@ -90,9 +67,8 @@ struct World {
     sim: Sim,
     rovers: Vec<Rover>,
     hands: Vec<Hand>,
-    /// What each vehicle said last that it was ordered, as the ground station heard it.
-    shown: BTreeMap<VehicleId, Option<OrderKind>>,
-    ground_up_from: Time,
+    ground: Ground,
+    given: Given,
     cuts: Vec<Cut>,
     restarts: Vec<(Time, Node)>,
     flying: BTreeMap<(Time, u64), (Node, Heard)>,
@@ -131,22 +107,16 @@ fn sim() -> Sim {
 }
 
 fn rover(sim: &Sim, id: VehicleId, boot: Boot, memory: Memory) -> Vehicle {
-    let settings = Settings::from_config(sim, id, boot, Point::new(f64::from(id.0), 0.0));
+    let settings = Settings::from_config(sim, id, boot, place_of(id));
     Vehicle::new(Settings { memory, ..settings })
 }
 
 impl World {
     fn new(seed: u64, mistake: Option<Mistake>) -> World {
         let (chance, sim) = (Chance::new(seed), sim());
-        let rovers = (1..=VEHICLES).map(VehicleId).map(|id| Rover {
-            id,
-            actor: rover(&sim, id, Boot(1), Memory::default()),
-            boot: Boot(1),
-            up_from: Time::ZERO,
-            in_force: Ordered::default(),
-            history: vec![(Time::ZERO, Ordered::default())],
-            disk: Disk::default(),
-        });
+        let rovers = (1..=VEHICLES)
+            .map(VehicleId)
+            .map(|id| Rover::new(id, rover(&sim, id, Boot(1), Memory::default())));
         let rovers = rovers.collect();
         let mut world = World {
             chance,
@@ -154,8 +124,8 @@ impl World {
             sim,
             rovers,
             hands: vec![Hand::new(1), Hand::new(2)],
-            shown: BTreeMap::new(),
-            ground_up_from: Time::ZERO,
+            ground: Ground::new(mistake),
+            given: Given::default(),
             cuts: Vec::new(),
             restarts: Vec::new(),
             flying: BTreeMap::new(),
@@ -236,7 +206,7 @@ impl World {
         self.give_wants();
         self.drive();
         self.operate();
-        self.report();
+        self.lead();
         self.judge_lateness();
         self.judge_the_end();
     }
@@ -250,18 +220,16 @@ impl World {
             let down = Duration::from_secs_f64(3.0 * self.chance.share("down", &[at.as_nanos()]));
             match node {
                 Node::Vehicle(index) => {
-                    let rover_of = &mut self.rovers[index];
-                    rover_of.boot.0 += 1;
-                    // What was being written is lost.
-                    rover_of.disk.writes.clear();
                     let is_lost = self.mistake == Some(Mistake::MemoryLost);
-                    let memory = if is_lost { Memory::default() } else { rover_of.disk.memory };
-                    rover_of.actor = rover(&self.sim, rover_of.id, rover_of.boot, memory);
-                    rover_of.up_from = now + down;
-                    rover_of.in_force = Ordered::default();
-                    rover_of.history.push((now, Ordered::default()));
+                    let of = &mut self.rovers[index];
+                    of.restart(now, down);
+                    let memory = if is_lost { Memory::default() } else { of.disk.memory };
+                    of.actor = rover(&self.sim, of.id, of.boot, memory);
                 }
-                Node::Ground => self.ground_up_from = now + down,
+                Node::Ground => {
+                    let has_new_disk = self.chance.share("new disk", &[at.as_nanos()]) < 0.25;
+                    self.ground.restart(now, down, has_new_disk);
+                }
                 Node::Operator(_) => {}
             }
         }
@@ -304,9 +272,35 @@ impl World {
     }
 
     fn tell_vehicle(&mut self, index: usize, heard: &Heard) {
-        let Heard::Message(_, Message::Order(order)) = heard else { return };
+        let Heard::Message(_, message) = heard else { return };
+        if self.now < self.rovers[index].up_from {
+            return;
+        }
+        match message {
+            Message::Order(order) => self.tell_order(index, order),
+            Message::Plan(plan) => self.tell_plan(index, plan),
+            Message::Mission(mission) => self.rovers[index].follower.hear(self.now, &mission.into()),
+            // Vehicles of this world have no map, no radio and no samples, and do not see each other.
+            _ => {}
+        }
+    }
+
+    fn tell_plan(&mut self, index: usize, plan: &Plan) {
+        if let Some(memory) = self.rovers[index].hear_plan(plan) {
+            self.begin_to_write(index, memory);
+        }
+        self.tell_accepted(index);
+    }
+
+    /// Lets the order logic know which plan is followed, as a mission does.
+    fn tell_accepted(&mut self, index: usize) {
+        let progress = self.rovers[index].follower.progress();
+        self.step_vehicle(index, vehicle::In::Accepted(progress.run, progress.revision));
+    }
+
+    fn tell_order(&mut self, index: usize, order: &Order) {
         let rover = &self.rovers[index];
-        if self.now < rover.up_from || order.vehicle != rover.id {
+        if order.vehicle != rover.id {
             return;
         }
         let is_fresh = rover.history.last().is_some_and(|(_, in_force)| in_force.kind.is_none());
@@ -328,9 +322,12 @@ impl World {
     }
 
     fn tell_ground(&mut self, heard: &Heard) {
-        let Heard::Message(_, Message::State(state)) = heard else { return };
-        if self.now >= self.ground_up_from {
-            self.shown.insert(state.vehicle, state.ordered.kind);
+        match heard {
+            Heard::Message(
+                _,
+                message @ (Message::State(_) | Message::Mission(_) | Message::Hello(_) | Message::Task(_)),
+            ) => self.ground.hear(self.now, message.clone()),
+            Heard::Message(..) | Heard::Greeting(..) | Heard::Unknown(_) => {}
         }
     }
 
@@ -343,12 +340,21 @@ impl World {
             if self.now < self.rovers[index].up_from {
                 continue;
             }
-            let place = Point::new(f64::from(self.rovers[index].id.0), 0.0);
-            let pose = Pose { at: place, heading: Angle::default(), sd_m: 0.05 };
+            let pose = Pose { at: place_of(self.rovers[index].id), heading: Angle::default(), sd_m: 0.05 };
             let (motion, is_armed) = (Motion::Resting, true);
             let telemetry = Telemetry { pose, speed_mps: 0.0, battery: 1.0, motion, is_armed };
             self.step_vehicle(index, vehicle::In::Telemetry(telemetry));
+            if self.now.as_nanos().is_multiple_of(1_000_000_000) {
+                self.publish_mission(index);
+            }
         }
+    }
+
+    fn publish_mission(&mut self, index: usize) {
+        let rover = &self.rovers[index];
+        let mission = rover.mission(self.as_compared(rover.disk.memory.ordered.lease));
+        let sender = Sender::Vehicle(rover.id);
+        self.send(Node::Vehicle(index), &Heard::Message(sender, Message::Mission(mission)));
     }
 
     fn step_vehicle(&mut self, index: usize, input: vehicle::In) {
@@ -389,6 +395,8 @@ impl World {
                 let memory = disk.memory;
                 if now >= self.rovers[index].up_from {
                     self.tell_disk(index, memory);
+                    self.rovers[index].follow_what_is_on_disk();
+                    self.tell_accepted(index);
                 }
             }
         }
@@ -433,6 +441,13 @@ impl World {
             self.wrong =
                 Some(format!("vehicle {id} obeys {lease:?} {revision}, and its disk has {highest:?}"));
             return;
+        }
+        let is_by_operator = self.given.is_by(rover.id, (lease, revision), kind, |by| by == Giver::Operator);
+        if is_by_operator {
+            rover.is_stopped = kind != OrderKind::Start;
+        } else if kind == OrderKind::Start {
+            self.tally.ground_starts += 1;
+            self.tally.crossed += u64::from(rover.is_stopped);
         }
         rover.in_force = Ordered { lease, revision, run, kind: Some(kind) };
         rover.history.push((now, rover.in_force));
@@ -496,12 +511,14 @@ impl World {
                 first.1 = first.1.min(edition);
             }
             hand.newest.insert(order.vehicle, order.clone());
+            self.given.note(order, Giver::Operator);
             let is_new = hand.sent.insert((order.vehicle, order.lease, order.revision));
             if self.mistake == Some(Mistake::NotRepeated) && !is_new {
                 return;
             }
         }
-        self.send(Node::Operator(index), &Heard::Message(Sender::Operator(OperatorId(1)), message));
+        let number = OperatorId(u8::try_from(index + 1).unwrap());
+        self.send(Node::Operator(index), &Heard::Message(Sender::Operator(number), message));
     }
 
     /// Judges what an operator says of a want: whom it calls obedient, on that vehicle the order was in force not longer
@@ -557,21 +574,36 @@ impl World {
         }
     }
 
-    /// Says once a second what stands.
-    fn report(&mut self) {
-        if !self.now.as_nanos().is_multiple_of(1_000_000_000) || self.now < self.ground_up_from {
-            return;
+    /// Lets the ground station do all that is due.
+    fn lead(&mut self) {
+        loop {
+            match self.ground.turn(self.now, &self.given) {
+                Turn::Acted => {}
+                Turn::Publish(message) => self.publish_of_ground(message),
+                Turn::Writes => {
+                    let share = self.chance.share("ground writes", &[self.now.as_nanos()]);
+                    let is_slow = self.mistake == Some(Mistake::GroundDoesNotWait);
+                    let at_most = Duration::from_millis(if is_slow { 3000 } else { 60 });
+                    let takes = Duration::from_millis(1) + at_most.mul_f64(share);
+                    self.ground.write_until(self.now + takes);
+                }
+                Turn::Wrong(wrong) => {
+                    self.wrong = Some(wrong);
+                    return;
+                }
+                Turn::Rests => return,
+            }
         }
-        let stands = self.shown.values().filter_map(|kind| kind.filter(|kind| *kind != OrderKind::Start));
-        let report = Report {
-            boot: Boot(1),
-            lease: Lease { number: 1, holder: 9 },
-            store: 1,
-            members: (1..=VEHICLES).map(VehicleId).collect(),
-            in_force: stands.reduce(OrderKind::stronger),
-            ..Report::default()
-        };
-        self.send(Node::Ground, &Heard::Message(Sender::Ground, Message::Report(report)));
+    }
+
+    fn publish_of_ground(&mut self, message: Message) {
+        if let Message::Order(order) = &message {
+            self.given.note(order, Giver::Ground(self.ground.store()));
+        }
+        // What else it says is for nobody in this world.
+        if matches!(message, Message::Order(_) | Message::Plan(_) | Message::Report(_)) {
+            self.send(Node::Ground, &Heard::Message(Sender::Ground, message));
+        }
     }
 }
 

@@ -245,6 +245,22 @@ fn a_start_that_the_ground_brings_about_by_a_hold_is_obeyed_unless_something_sta
 }
 
 #[test]
+fn a_start_that_never_came_is_not_taken_for_one_that_the_ground_brings_about() {
+    for (revision, theirs) in [(1, Kind::Hold), (1, Kind::Land), (2, Kind::Land), (2, Kind::Return)] {
+        let mut world = World::new(only_one(Kind::Start), vec![Rover::new(1)]).with_ground();
+        world.loses = |_| true;
+        while world.sent.is_empty() {
+            world.tick();
+        }
+        // Somebody else has ordered it at the same time; the ground station has not heard of that yet.
+        world.rovers[0].state.ordered = Rover::ordered(1, GROUNDS, revision, theirs).state.ordered;
+        world.report = Some(Report { phase: StationPhase::Stopping, run: RunId(1), ..report() });
+        let outcome = world.run();
+        assert!(!outcome.is_done(), "{revision} {theirs:?}: {outcome:?}");
+    }
+}
+
+#[test]
 fn a_lease_is_taken_over_with_the_next_number_and_an_own_holder() {
     let rovers = vec![Rover::ordered(1, GROUNDS, 9, Kind::Start), Rover::new(2)];
     let outcome =
