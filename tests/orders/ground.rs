@@ -118,7 +118,7 @@ pub struct Ground {
 pub enum Turn {
     /// Something was done inside.
     Acted,
-    Publish(Message),
+    Publish(Box<Message>),
     /// It begins to write; [`Ground::write_until`] says how long.
     Writes,
     Wrong(String),
@@ -213,7 +213,7 @@ impl Ground {
         match out {
             Out::Publish(message) => {
                 let wrong = if let Message::Plan(plan) = &message { self.judge_plan(plan) } else { None };
-                return wrong.map_or(Turn::Publish(message), Turn::Wrong);
+                return wrong.map_or_else(|| Turn::Publish(Box::new(message)), Turn::Wrong);
             }
             Out::Remember(memory) => {
                 self.writing = Some((now, *memory, self.known.clone()));

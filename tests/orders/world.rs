@@ -579,7 +579,7 @@ impl World {
         loop {
             match self.ground.turn(self.now, &self.given) {
                 Turn::Acted => {}
-                Turn::Publish(message) => self.publish_of_ground(message),
+                Turn::Publish(message) => self.publish_of_ground(*message),
                 Turn::Writes => {
                     let share = self.chance.share("ground writes", &[self.now.as_nanos()]);
                     let is_slow = self.mistake == Some(Mistake::GroundDoesNotWait);
