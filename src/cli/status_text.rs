@@ -2,7 +2,7 @@
 
 use serde_json::{Value, json};
 use tomoswarm_proto::codec::VERSION;
-use tomoswarm_proto::{PoseReport, Progress, Report, State, StopId, VehicleId};
+use tomoswarm_proto::{OperatorId, PoseReport, Progress, Report, State, StopId, VehicleId};
 
 use super::table::table;
 use crate::geom::Vector;
@@ -48,6 +48,9 @@ pub fn text(view: &FleetView, expected: &Expected, now: Time, columns: Option<us
             "refused  {} speaks wire version {}, here it is {VERSION}\n",
             greeting.node, greeting.version
         );
+    }
+    for operator in view.shared_operators(now) {
+        text += &format!("operator  two that are on the bus have the number {operator}\n");
     }
     text
 }
@@ -131,6 +134,7 @@ pub fn json(view: &FleetView, expected: &Expected, now: Time) -> Value {
         "vehicles": vehicles.iter().map(vehicle).collect::<Vec<Value>>(),
         "grounds": view.grounds().map(ground).collect::<Vec<Value>>(),
         "refused": foreign,
+        "shared_operators": view.shared_operators(now).collect::<Vec<OperatorId>>(),
     })
 }
 

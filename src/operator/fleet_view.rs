@@ -7,7 +7,9 @@ use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
 use tomoswarm_proto::codec::{Greeting, VERSION};
-use tomoswarm_proto::{Boot, Health, Hello, Lease, Message, Mission, Report, Sender, State, VehicleId};
+use tomoswarm_proto::{
+    Boot, Health, Hello, Lease, Message, Mission, OperatorId, Report, Sender, State, VehicleId,
+};
 
 use super::Heard;
 use crate::sweep::LOWER_BOOT_AFTER;
@@ -15,6 +17,10 @@ use crate::time::Time;
 
 /// A ground station whose report is older than this is not live.
 pub const GROUND_LIVES: Duration = Duration::from_secs(5);
+/// An operator that has not greeted for so long is gone; it greets every 2 s at least.
+const OPERATOR_LIVES: Duration = Duration::from_secs(5);
+/// Operators of one number kept at most.
+const INSTANCES: usize = 4;
 /// Ground stations kept at most.
 const GROUNDS: usize = 8;
 
@@ -64,6 +70,8 @@ pub struct FleetView {
     grounds: BTreeMap<u64, Fresh<Report>>,
     ground_hello: Option<Fresh<Hello>>,
     foreign: BTreeMap<Sender, Greeting>,
+    /// Operators by number and instance: when each greeted first, and last.
+    operators: BTreeMap<OperatorId, BTreeMap<u64, (Time, Time)>>,
 }
 
 impl FleetView {
@@ -120,6 +128,20 @@ impl FleetView {
         self.foreign.values()
     }
 
+    /// Returns the numbers under which two operators greet at the same time. One that has come after another has left is
+    /// none of them.
+    pub fn shared_operators(&self, now: Time) -> impl Iterator<Item = OperatorId> {
+        let overlap = |one: &(Time, Time), other: &(Time, Time)| one.1 > other.0 && other.1 > one.0;
+        let is_shared = move |instances: &BTreeMap<u64, (Time, Time)>| {
+            let live: Vec<&(Time, Time)> =
+                instances.values().filter(|(_, last)| now.since(*last) <= OPERATOR_LIVES).collect();
+            live.iter()
+                .enumerate()
+                .any(|(index, one)| live[index + 1..].iter().any(|other| overlap(one, other)))
+        };
+        self.operators.iter().filter(move |(_, instances)| is_shared(instances)).map(|(id, _)| *id)
+    }
+
     /// Returns why a node does not listen to whoever has this venue file; `None` = it does, or has not greeted.
     pub fn misfit(&self, node: Sender, venue_hash: u64) -> Option<Misfit> {
         if let Some(greeting) = self.foreign.get(&node) {
@@ -161,7 +183,16 @@ impl FleetView {
         match greeting.node {
             Sender::Ground => self.ground_hello = fresh,
             Sender::Vehicle(id) => self.vehicles.entry(id).or_default().hello = fresh,
-            Sender::Operator(_) => {}
+            Sender::Operator(id) => self.operator(now, id, hello.instance),
+        }
+    }
+
+    fn operator(&mut self, now: Time, id: OperatorId, instance: u64) {
+        let known = self.operators.entry(id).or_default();
+        known.entry(instance).or_insert((now, now)).1 = now;
+        if known.len() > INSTANCES {
+            let oldest = known.iter().min_by_key(|(_, (_, last))| *last).map(|(instance, _)| *instance);
+            oldest.and_then(|instance| known.remove(&instance));
         }
     }
 
@@ -289,6 +320,44 @@ mod tests {
         assert_eq!(view.lease(at(60.0)).number, 2, "the ground that gave the plan may be gone");
         hear(&mut view, 60.0, Message::Report(Report { lease: lease(5), ..report() }));
         assert_eq!((view.lease(at(60.0)), view.lease(at(70.0))), (lease(5), Lease::lowest(2)));
+    }
+
+    fn operator_hello(node: Sender, instance: u64) -> Hello {
+        Hello {
+            node,
+            boot: Boot(1),
+            venue_hash: 5,
+            instance,
+            is_member: true,
+            member_for_s: 1,
+            name: String::new(),
+            software: String::new(),
+            capabilities: Vec::new(),
+            lease: None,
+            interest: Vec::new(),
+        }
+    }
+
+    #[test]
+    fn two_operators_of_one_number_are_seen_and_one_after_the_other_are_not() {
+        let mut view = FleetView::default();
+        let mut greet = |at_s: f64, operator: u8, instance: u64| {
+            let node = Sender::Operator(OperatorId(operator));
+            let greeting = Greeting { version: VERSION, node, boot: Boot(1), venue_hash: 5 };
+            let hello = operator_hello(node, instance);
+            view.hear(at(at_s), &Heard::Greeting(greeting, Some(hello)));
+            view.shared_operators(at(at_s)).collect::<Vec<OperatorId>>()
+        };
+        assert_eq!(greet(0.0, 1, 7), []);
+        assert_eq!(greet(0.5, 2, 8), [], "another number");
+        assert_eq!(greet(1.0, 1, 7), []);
+        assert_eq!(greet(1.5, 1, 9), [], "the first one may have left");
+        assert_eq!(greet(2.0, 1, 7), [OperatorId(1)]);
+        for instance in 20..40 {
+            greet(3.0, 1, instance);
+        }
+        assert_eq!(greet(20.0, 1, 9), [], "the other one has left");
+        assert!(view.operators.values().all(|known| known.len() <= INSTANCES));
     }
 
     #[test]
