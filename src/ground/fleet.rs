@@ -315,7 +315,7 @@ impl Dealings {
         self.stand(kind);
     }
 
-    /// Gives what is still to be repeated by another right, above what the vehicle shows of that right.
+    /// Passes what is still to be repeated to another right, above what the vehicle shows of that right.
     fn pass_to(&mut self, lease: Lease) {
         let obeyed = self.echo.filter(|echo| echo.lease == lease).map_or(Revision(0), |echo| echo.revision);
         let pending = self.issued.as_mut().filter(|order| self.is_pending && order.lease != lease);

@@ -1,11 +1,12 @@
 //! The station actor: keeps the fleet table, the merged map and the samples, and brings one sweep after
 //! another from its start to its links.
 //!
-//! It is told messages of vehicles, operators and other grounds, plans, and pictures made; it says plans, orders, watermarks, reports and map repairs for the bus, requests for the planner, jobs for the imager, notes,
-//! and what must be remembered. It solves nothing and plans nothing itself.
+//! It is told messages of vehicles, operators and other grounds, plans, and pictures made; it says plans, orders,
+//! watermarks, reports and map repairs for the bus, requests for the planner, jobs for the imager, notes, and what must be
+//! remembered. It solves nothing and plans nothing itself.
 //!
 //! ```text
-//!   Idle ─Start seen, all heard*─► Stopping ─all at rest─► Planning ─plans─► Running ─every stop done─► Closing
+//!   Idle ─Start seen, all heard*──► Stopping ─all at rest─► Planning ─plans─► Running ─every stop done─► Closing
 //!    ▲                                 ▲ │ ▲                   │                 │                         │
 //!    │                   too few: waits└─┘ └───────────────────┴─────────────────┘                         │
 //!    │                                      a vehicle is lost, is back, was restarted,                     │

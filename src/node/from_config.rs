@@ -14,7 +14,7 @@ use crate::geom::{Angle, Lattice, Point};
 const PATH_TIME: Duration = Duration::from_millis(1);
 
 impl Settings {
-    /// Gives what a vehicle is told by a simulation's file; `boot` counts the starts of its software. It remembers nothing.
+    /// Returns what a vehicle is told by a simulation's file; `boot` counts the starts of its software. It remembers nothing.
     pub fn from_config(sim: &Sim, vehicle: VehicleId, boot: Boot, home: Point) -> Settings {
         Told {
             venue: &sim.venue,
@@ -28,7 +28,7 @@ impl Settings {
         .settings(vehicle, boot, home)
     }
 
-    /// Gives what a vehicle is told by the file of its own node; `boot` counts the starts of its software. It
+    /// Returns what a vehicle is told by the file of its own node; `boot` counts the starts of its software. It
     /// remembers nothing.
     pub fn from_vehicle_file(file: &VehicleFile, boot: Boot) -> Settings {
         Told {

@@ -94,6 +94,23 @@ pub enum Out {
     ScriptEnded(ScriptEnd),
 }
 
+impl Out {
+    /// Returns a line for people of what was brought about; `None` of what is for somebody else.
+    pub fn in_words(&self) -> Option<String> {
+        match self {
+            Out::Publish(_) | Out::Cue(_) => None,
+            Out::InForce(want, outcome) => {
+                Some(format!("{want}, run {}, is in force", outcome.run.unwrap_or_default()))
+            }
+            Out::Ended(want, outcome) => {
+                let why = Some(outcome.undone()).filter(|why| !why.is_empty());
+                Some(format!("{want} is over{}", why.map_or(String::new(), |why| format!(": {why}"))))
+            }
+            Out::ScriptEnded(end) => Some(format!("its script has ended: {end}")),
+        }
+    }
+}
+
 /// The operator actor.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Operator {

@@ -12,13 +12,13 @@ fn two() -> Swarm {
     Swarm::start(Size { vehicles: 2, laps: 1, relayed: false })
 }
 
-/// Gives which start of vehicle 3 was heard last, and what it shows that it was ordered.
+/// Returns which start of vehicle 3 was heard last, and what it shows that it was ordered.
 fn ordered(watch: &Watch) -> (Boot, Ordered) {
     let state = &watch.view.state(VehicleId(3)).unwrap().value;
     (state.boot, state.ordered)
 }
 
-/// Gives an order below a lease, which only a vehicle obeys that has forgotten that one.
+/// Returns an order below a lease, which only a vehicle obeys that has forgotten that one.
 fn lowest_emergency(id: u8, lease: Lease) -> Message {
     let lease = Lease::lowest(lease.number);
     let (vehicle, revision, kind) = (VehicleId(id), Revision(1_000_000), OrderKind::Emergency);

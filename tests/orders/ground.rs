@@ -43,7 +43,7 @@ impl Given {
         }
     }
 
-    /// Tells whether anyone of such has given an order.
+    /// Returns whether anyone of such has given an order.
     pub fn is_by(
         &self,
         vehicle: VehicleId,
@@ -200,7 +200,7 @@ impl Ground {
         wrong.map_or(Turn::Acted, Turn::Wrong)
     }
 
-    /// Tells whether nothing is being written that has to be waited for.
+    /// Returns whether nothing is being written that has to be waited for.
     fn has_written(&mut self, now: Time) -> bool {
         let written = self.writing.take_if(|(until, ..)| *until <= now);
         if let Some((_, memory, known)) = written {

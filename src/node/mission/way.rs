@@ -121,7 +121,7 @@ impl Way {
         std::iter::once(self.behind).chain(self.ahead.iter().map(|corner| corner.at)).collect()
     }
 
-    /// Gives the straight pieces between the corners, from the one passed last to the end.
+    /// Returns the straight pieces between the corners, from the one passed last to the end.
     fn pieces(&self) -> impl Iterator<Item = Segment> {
         let mut from = self.behind;
         self.ahead.iter().map(move |corner| Segment::new(std::mem::replace(&mut from, corner.at), corner.at))

@@ -170,6 +170,9 @@ impl Director {
 
     /// Carries out what the operator says beside its messages.
     fn carry_out(&mut self, out: Out) -> Going {
+        if let Some(words) = out.in_words() {
+            self.note("operator", &words);
+        }
         match out {
             Out::Cue(name) if name == PERSONS_ENTER => {
                 self.note("scenario", "the persons enter");
@@ -179,24 +182,10 @@ impl Director {
                 self.operator.tell(In::CueDone);
                 Going::On
             }
+            Out::ScriptEnded(ScriptEnd::Done) => Going::Over,
+            Out::ScriptEnded(ScriptEnd::GaveUp { why, .. }) => Going::Failed(why),
             // What is not known here is not done, and the script gives up.
-            Out::Cue(_) | Out::Publish(_) => Going::On,
-            Out::InForce(want, outcome) => {
-                let run = outcome.run.unwrap_or_default();
-                self.note("operator", &format!("{want}, run {run}, is in force"));
-                Going::On
-            }
-            Out::Ended(want, _) => {
-                self.note("operator", &format!("{want} is over"));
-                Going::On
-            }
-            Out::ScriptEnded(end) => {
-                self.note("operator", &format!("its script has ended: {end}"));
-                match end {
-                    ScriptEnd::Done => Going::Over,
-                    ScriptEnd::GaveUp { why, .. } => Going::Failed(why),
-                }
-            }
+            Out::Cue(_) | Out::Publish(_) | Out::InForce(..) | Out::Ended(..) => Going::On,
         }
     }
 

@@ -77,19 +77,14 @@ impl Kernel {
 
     fn carry_out_one_of_operator(&mut self, index: usize, said: Out) -> Result<(), Fault> {
         let id = self.operators[index].id;
+        if let Some(words) = said.in_words() {
+            self.log(&format!("operator {id}"), format_args!("{words}"));
+        }
         match said {
             Out::Publish(message) => self.publish(NodeId::Operator(id), &message),
             Out::Cue(name) => return self.cue(index, &name),
-            Out::InForce(want, outcome) => {
-                let run = outcome.run.unwrap_or_default();
-                self.log(&format!("operator {id}"), format_args!("{want}, run {run}, is in force"));
-            }
-            Out::Ended(want, outcome) => {
-                let why = Some(outcome.undone()).filter(|why| !why.is_empty());
-                let why = why.map_or(String::new(), |why| format!(": {why}"));
-                self.log(&format!("operator {id}"), format_args!("{want} is over{why}"));
-            }
             Out::ScriptEnded(end) => self.script_ended(index, end),
+            Out::InForce(..) | Out::Ended(..) => {}
         }
         Ok(())
     }
@@ -109,9 +104,7 @@ impl Kernel {
 
     /// The script of the scenario's operator is what the run is about.
     fn script_ended(&mut self, index: usize, end: ScriptEnd) {
-        let id = self.operators[index].id;
-        self.log(&format!("operator {id}"), format_args!("its script has ended: {end}"));
-        if id == SCENARIO_OPERATOR {
+        if self.operators[index].id == SCENARIO_OPERATOR {
             self.follow(self.judge.script_ended(&end));
         }
         self.operators[index].ended = Some(end);
