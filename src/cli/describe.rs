@@ -75,7 +75,7 @@ fn ground_lines(file: &GroundFile) -> Vec<Line> {
 }
 
 fn experiment_lines(experiment: &Experiment) -> Vec<Line> {
-    let runs = format!("{} runs of experiment {}", experiment.runs(), experiment.name);
+    let runs = format!("{} runs of experiment {}", experiment.runs(), experiment.name());
     let mut list = vec![("grid", runs)];
     for axis in Axis::ALL.into_iter().filter(|axis| experiment.has(*axis)) {
         let names = experiment.names(axis);

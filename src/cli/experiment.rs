@@ -103,7 +103,7 @@ impl ExperimentArgs {
         }
         grid.check()?;
         let experiment = grid.experiment();
-        let folder = self.out.clone().unwrap_or_else(|| Path::new("out").join(&experiment.name));
+        let folder = self.out.clone().unwrap_or_else(|| Path::new("out").join(experiment.name()));
         let header = Header::new(grid.hash(), experiment.runs());
         let (mut journal, mut rows) = Journal::open(&folder, &header, self.mode())?;
         let stop = Stop::listen();
@@ -129,7 +129,7 @@ impl ExperimentArgs {
             return Err(CliError::Usage(format!("--only {run}: the grid has the runs 0 to {last}")));
         }
         let scenario = grid.scenario(run)?;
-        let name = format!("{}-run-{run}", experiment.name);
+        let name = format!("{}-run-{run}", experiment.name());
         let target = self.out.clone().unwrap_or_else(|| Path::new("out").join(name));
         let (stop, folder) = (Stop::listen(), OutputFolder::prepare(&target, FAMILY)?);
         let started = sim::started();

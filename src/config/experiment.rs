@@ -7,9 +7,11 @@
 //! A **safety distance** is measured as the thesis's vehicle, a point with a sensor, measured it: from the middle of the
 //! vehicle to the nearest surface. So `padding_m` = safety distance − `radius_m`.
 
-mod reading;
+mod file;
 
-use super::keys::read_values;
+use file::{ExperimentFile, Given, SceneRow, Seeds, Variant, stem};
+
+use super::keys::{Keyed, Keys, read_table, read_values};
 use super::overlay::{Joined, Layer, Overlay};
 use super::section::Section;
 use super::source::Source;
@@ -105,20 +107,64 @@ struct Choice {
 /// A grid of simulations.
 #[derive(Clone, PartialEq, Debug)]
 pub struct Experiment {
-    /// A plain name, fit to be part of a file's name.
-    pub name: String,
+    /// The name of its file.
     file: String,
-    /// The file's text, with what it names as it is seen from outside its folder.
-    text: String,
-    with: Layer,
-    /// One list for each of [`Axis::ALL`], none empty.
+    keys: ExperimentFile,
+    /// What follows from the keys: one list for each of [`Axis::ALL`], none empty.
     axes: Vec<Vec<Choice>>,
 }
 
+impl Keyed for Experiment {
+    /// Shows the keys of its file; the grid follows from them when a file is read.
+    fn keys(&mut self, to: &mut dyn Keys) {
+        self.keys.keys(to);
+    }
+}
+
 impl Experiment {
-    /// Returns its file's text, in which files are named as they are opened.
-    pub fn text(&self) -> &str {
-        &self.text
+    /// Returns one without a file, whose keys have no values.
+    pub(super) fn blank() -> Experiment {
+        Experiment { file: String::new(), keys: ExperimentFile::default(), axes: Vec::new() }
+    }
+
+    /// Reads an experiment; the simulations that it names are not read yet.
+    pub(super) fn read(root: &Section) -> Experiment {
+        let mut keys = ExperimentFile::default();
+        read_table(&mut keys, root);
+        keys.check(root);
+        let axes = Axis::ALL.map(|axis| or_nothing(keys.axis(axis))).to_vec();
+        let experiment = Experiment { file: root.source.file().to_owned(), keys, axes };
+        experiment.check_size(root);
+        experiment.check_doubles(root);
+        experiment
+    }
+
+    fn check_doubles(&self, root: &Section) {
+        for choices in &self.axes {
+            let mut names: Vec<&str> = choices.iter().map(|choice| choice.name.as_str()).collect();
+            names.sort_unstable();
+            if let Some(pair) = names.windows(2).find(|pair| pair[0] == pair[1]) {
+                let key = choices.first().map_or("", |choice| choice.change.key());
+                root.refuse(key, &format!("has {} twice", pair[0]), "each may stand there once");
+            }
+        }
+    }
+
+    fn check_size(&self, root: &Section) {
+        let lengths = self.axes.iter().map(|axis| axis.len() as u128);
+        let runs: u128 = lengths.product();
+        if runs > MOST_RUNS as u128 {
+            let counts = Axis::ALL.iter().zip(&self.axes);
+            let counts: Vec<String> =
+                counts.map(|(axis, list)| format!("{} {}", list.len(), axis.word())).collect();
+            let wrong = format!("the grid has {runs} runs ({})", counts.join(" × "));
+            root.refuse("kind", &wrong, &format!("at most {MOST_RUNS} runs are allowed"));
+        }
+    }
+
+    /// Returns its plain name, fit to be part of a file's name.
+    pub fn name(&self) -> &str {
+        &self.keys.name
     }
 
     /// Gives the number of runs.
@@ -173,7 +219,7 @@ impl Experiment {
         let run = cell * self.seeds();
         let mut laid =
             Laid { overlay: Overlay { file: self.file.clone(), ..Overlay::default() }, ..Laid::default() };
-        laid.overlay.sim.lay_all(&self.with);
+        laid.overlay.sim.lay_all(self.keys.with());
         for axis in
             [Axis::Scene, Axis::Mission, Axis::Cell, Axis::Sensor, Axis::Vehicles, Axis::Safety, Axis::Size]
         {
@@ -364,9 +410,69 @@ impl Shrunk<'_> {
     }
 }
 
+impl ExperimentFile {
+    /// Returns the values of an axis; nothing when it is not given.
+    fn axis(&self, axis: Axis) -> Vec<Choice> {
+        match axis {
+            Axis::Mission => variants(&self.missions, Change::Mission),
+            Axis::Scene => self.scene_axis(),
+            Axis::Safety => numbers(&self.safety_distances_m, Change::Safety),
+            Axis::Cell => numbers(&self.cells_m, Change::Cell),
+            Axis::Size => numbers(&self.sizes_m, Change::Size),
+            Axis::Sensor => variants(&self.sensors, Change::Sensor),
+            Axis::Vehicles => numbers(&self.vehicles, Change::Vehicles),
+            Axis::Seed => {
+                let of = |seed: usize| Change::Seed(seed as u64);
+                match &self.seeds {
+                    Seeds::Own => Vec::new(),
+                    Seeds::UpTo(count) => {
+                        let seeds: Vec<Given<usize>> =
+                            (1..=*count).map(|value| Given { value, line: 1 }).collect();
+                        numbers(&seeds, of)
+                    }
+                    Seeds::These(seeds) => numbers(seeds, of),
+                }
+            }
+        }
+    }
+
+    fn scene_axis(&self) -> Vec<Choice> {
+        let of_row = |row: &SceneRow| {
+            let missions = row.missions().map(|(name, layer)| (name.clone(), layer.clone())).collect();
+            let sim = self.sim_of(row).unwrap_or_default();
+            let change = Change::Scene(Box::new(SceneChange { sim, with: row.with(), missions }));
+            Choice { name: row.name.clone(), line: row.line, change }
+        };
+        let alone = self.sim.iter().filter(|_| self.scenes.is_empty()).map(|sim| {
+            let change = SceneChange { sim: sim.clone(), with: Layer::default(), missions: Vec::new() };
+            Choice { name: stem(sim), line: 1, change: Change::Scene(Box::new(change)) }
+        });
+        alone.chain(self.scenes.iter().map(of_row)).collect()
+    }
+}
+
+fn variants(rows: &[Variant], change: fn(Layer) -> Change) -> Vec<Choice> {
+    let choice =
+        |row: &Variant| Choice { name: row.name.clone(), line: row.line, change: change(row.keys.clone()) };
+    rows.iter().map(choice).collect()
+}
+
+fn numbers<T: Copy + ToString>(values: &[Given<T>], change: fn(T) -> Change) -> Vec<Choice> {
+    let choice =
+        |&Given { value, line }: &Given<T>| Choice { name: value.to_string(), line, change: change(value) };
+    values.iter().map(choice).collect()
+}
+
+fn or_nothing(choices: Vec<Choice>) -> Vec<Choice> {
+    if !choices.is_empty() {
+        return choices;
+    }
+    vec![Choice { name: "-".to_owned(), line: 1, change: Change::Nothing }]
+}
+
 const SAFETY: &str = "safety_distances_m";
 const CELLS: &str = "cells_m";
 const SIZES: &str = "sizes_m";
 
 #[cfg(test)]
-mod tests;
+pub(in crate::config) mod tests;

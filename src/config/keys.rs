@@ -21,6 +21,7 @@ mod writer;
 use std::collections::BTreeMap;
 use std::ops::RangeInclusive;
 
+use super::overlay::Layer;
 use super::section::Section;
 
 pub(super) use only::Only;
@@ -65,6 +66,8 @@ pub(super) trait Keys {
     fn rows(&mut self, value: &mut dyn Rows, key: Rowed);
     /// Tables within a table, under free names.
     fn named_tables(&mut self, value: &mut dyn NamedTables, key: Entry);
+    /// All other keys of the table and the tables in it: they are another file's, and are checked there.
+    fn others(&mut self, value: &mut Layer, key: Others);
 }
 
 /// A number that has a default.
@@ -140,6 +143,14 @@ pub(super) struct Rowed {
     pub(super) means: &'static str,
 }
 
+/// The other keys of a table.
+#[derive(Clone, Debug)]
+pub(super) struct Others {
+    /// The table's own keys.
+    pub(super) but: &'static [&'static str],
+    pub(super) means: &'static str,
+}
+
 /// A value that is written as one of several words.
 pub(super) trait Choice: Copy + PartialEq + 'static {
     /// The words and what they stand for.
@@ -183,6 +194,10 @@ pub(super) trait Form {
     fn written(&self) -> Option<String>;
     /// Reads it; what is wrong is noted at the section.
     fn read(&mut self, section: &Section<'_>, name: &'static str);
+    /// Returns what is allowed, for the documentation.
+    fn allowed(&self) -> String {
+        String::new()
+    }
 }
 
 /// A table that may be left out.

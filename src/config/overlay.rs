@@ -8,13 +8,20 @@ use std::collections::{BTreeMap, BTreeSet};
 use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 
+use super::keys::quoted;
+
+/// The keys that name a file, of all that can be laid over; a file is named relative to the one in which its name stands.
+pub(super) const FILES: &[&str] = &["scene", "venue", "file"];
+
 /// A value with the place that it was taken from.
 #[derive(Clone, PartialEq, Debug)]
-struct Laid {
+pub(super) struct Laid {
     /// As it stands in TOML; may have several lines.
-    raw: String,
+    pub(super) raw: String,
+    /// The same as it is seen from outside its file's folder, where that is another text.
+    pub(super) outside: Option<String>,
     /// The line that it begins in.
-    line: usize,
+    pub(super) line: usize,
 }
 
 /// What is laid over one file: values by their keys, a later one in place of an earlier one.
@@ -27,13 +34,14 @@ pub(super) struct Layer {
 
 impl Layer {
     /// Lays a value over a key, in place of an earlier one.
-    pub(super) fn lay(&mut self, path: Vec<String>, raw: &str, line: usize) {
-        self.values.insert(path, Laid { raw: raw.to_owned(), line });
+    pub(super) fn lay(&mut self, path: Vec<String>, laid: Laid) {
+        self.values.insert(path, laid);
     }
 
     /// Lays a value over a key given as `"table.key"`.
     pub(super) fn lay_at(&mut self, key: &str, raw: &str, line: usize) {
-        self.lay(key.split('.').map(str::to_owned).collect(), raw, line);
+        let path = key.split('.').map(str::to_owned).collect();
+        self.lay(path, Laid { raw: raw.to_owned(), outside: None, line });
     }
 
     /// Takes a table of the file away, with all that was laid over it so far.
@@ -56,26 +64,30 @@ impl Layer {
         Layer { values, cleared: BTreeSet::new() }
     }
 
+    /// Returns all keys with their values, as they are seen from outside their file's folder.
+    pub(super) fn written(&self) -> impl Iterator<Item = (String, &str)> {
+        self.values.iter().map(|(path, laid)| (joined(path), laid.outside.as_deref().unwrap_or(&laid.raw)))
+    }
+
     /// Gives the layer as TOML, and for each of its lines the one that it was taken from.
     fn text(&self) -> (String, Vec<usize>) {
         let (mut text, mut lines) = (String::new(), Vec::new());
         for (path, laid) in &self.values {
-            let key: Vec<String> = path.iter().map(|part| quoted(part)).collect();
             lines.extend((0..laid.raw.lines().count().max(1)).map(|below| laid.line + below));
-            text += &format!("{} = {}\n", key.join("."), laid.raw);
+            text += &format!("{} = {}\n", joined(path), laid.raw);
         }
         (text, lines)
     }
 }
 
-/// Gives a key as it may stand in any TOML file.
-fn quoted(key: &str) -> String {
-    let escaped = |c: char| match c {
-        '"' | '\\' => format!("\\{c}"),
-        c if c.is_control() => format!("\\u{:04X}", u32::from(c)),
-        c => c.to_string(),
+/// Returns a key within tables as it may stand in any TOML file.
+fn joined(path: &[String]) -> String {
+    let is_bare = |part: &str| {
+        !part.is_empty() && part.chars().all(|c| c.is_ascii_alphanumeric() || matches!(c, '-' | '_'))
     };
-    format!("\"{}\"", key.chars().map(escaped).collect::<String>())
+    let parts: Vec<String> =
+        path.iter().map(|part| if is_bare(part) { part.clone() } else { quoted(part) }).collect();
+    parts.join(".")
 }
 
 /// What is laid over a simulation file and over the venue that it names, and the file from which it comes.
@@ -157,7 +169,7 @@ mod tests {
     fn a_later_value_takes_the_place_of_an_earlier_one() {
         let mut under = layer(&[("a.b", "1", 3), ("c", "2", 4)]);
         under.lay_all(&layer(&[("a.b", "5", 9)]));
-        assert_eq!(under.text(), ("\"a\".\"b\" = 5\n\"c\" = 2\n".to_owned(), vec![9, 4]));
+        assert_eq!(under.text(), ("a.b = 5\nc = 2\n".to_owned(), vec![9, 4]));
     }
 
     #[test]

@@ -2,15 +2,17 @@
 //! allowed, notes what is wrong, and answers with a usable value, so that reading always goes on.
 //! Keys that nobody asked for are refused at the end.
 
-use std::cell::RefCell;
+use std::cell::{Cell, RefCell};
 use std::fmt::Display;
-use std::ops::{Range, RangeInclusive};
+use std::ops::RangeInclusive;
 
 use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 
+use super::beside;
+use super::keys::quoted;
 use super::nearest::nearest;
-use super::overlay::Layer;
+use super::overlay::{FILES, Laid, Layer};
 use super::source::{Class, Source};
 use crate::geom::Point;
 
@@ -28,6 +30,8 @@ pub(super) struct Section<'s> {
     table: Option<&'s DeTable<'s>>,
     asked: RefCell<Vec<&'static str>>,
     moved: RefCell<Vec<&'static str>>,
+    /// Whether keys that nobody asked for are another file's.
+    has_others: Cell<bool>,
 }
 
 impl<'s> Section<'s> {
@@ -42,8 +46,8 @@ impl<'s> Section<'s> {
         line: usize,
         table: Option<&'s DeTable<'s>>,
     ) -> Section<'s> {
-        let (asked, moved) = (RefCell::default(), RefCell::default());
-        Section { source, prefix, line, table, asked, moved }
+        let (asked, moved, has_others) = (RefCell::default(), RefCell::default(), Cell::default());
+        Section { source, prefix, line, table, asked, moved, has_others }
     }
 
     /// Gives the line in which it begins.
@@ -51,19 +55,37 @@ impl<'s> Section<'s> {
         self.line
     }
 
-    /// Takes all values in it and in the tables in it, but for some keys, to be laid over another file.
-    pub(super) fn layer(&self, except: &[&str]) -> Layer {
+    /// Takes all values in it and in the tables in it, but for its own keys, to be laid over another file.
+    pub(super) fn others(&self, own: &[&str]) -> Layer {
+        self.has_others.set(true);
         let mut layer = Layer::default();
         if let Some(table) = self.table {
-            self.take(table, &mut Vec::new(), except, &mut layer);
+            self.take(table, &mut Vec::new(), own, &mut layer);
         }
         layer
     }
 
-    fn take(&self, table: &'s DeTable<'s>, path: &mut Vec<String>, except: &[&str], layer: &mut Layer) {
+    /// Takes the value of one key, to be laid over another file.
+    pub(super) fn single(&self, key: &'static str) -> Layer {
+        let mut layer = Layer::default();
+        if let Some(value) = self.value(key) {
+            layer.lay(vec![key.to_owned()], self.laid(key, value));
+        }
+        layer
+    }
+
+    /// Returns a value as it stands in the file, and as it is seen from outside the file's folder.
+    fn laid(&self, key: &str, value: Value<'s>) -> Laid {
+        let named = value.get_ref().as_str().filter(|_| FILES.contains(&key));
+        let outside = named.map(|named| quoted(&beside(self.source.file(), named)));
+        let (raw, line) = (self.source.raw(value).to_owned(), self.source.line_of(value.span()));
+        Laid { raw, outside, line }
+    }
+
+    fn take(&self, table: &'s DeTable<'s>, path: &mut Vec<String>, own: &[&str], layer: &mut Layer) {
         for (key, value) in table.iter() {
             let name: &str = key.get_ref();
-            if value.span().is_empty() || (path.is_empty() && except.contains(&name)) {
+            if value.span().is_empty() || (path.is_empty() && own.contains(&name)) {
                 continue;
             }
             path.push(name.to_owned());
@@ -83,20 +105,11 @@ impl<'s> Section<'s> {
                 | DeValue::Boolean(_)
                 | DeValue::Datetime(_)
                 | DeValue::Array(_) => {
-                    layer.lay(path.clone(), self.source.raw(value), self.source.line_of(value.span()));
+                    layer.lay(path.clone(), self.laid(name, value));
                 }
             }
             path.pop();
         }
-    }
-
-    /// Returns the texts of all keys of some names, in it and in all tables in it, and where they stand.
-    pub(super) fn texts_of(&self, names: &[&str]) -> Vec<(Range<usize>, String)> {
-        let mut found = Vec::new();
-        if let Some(table) = self.table {
-            collect_texts(table, names, &mut found);
-        }
-        found
     }
 
     /// Gives the full name of one of its keys.
@@ -341,8 +354,11 @@ impl<'s> Section<'s> {
         }
     }
 
-    /// Refuses every key that was not asked for.
+    /// Refuses every key that was not asked for, unless it is another file's.
     pub(super) fn finish(&self) {
+        if self.has_others.get() {
+            return;
+        }
         let asked = self.asked.borrow();
         for (key, _) in self.table.into_iter().flat_map(|table| table.iter()) {
             let name: &str = key.get_ref();
@@ -386,27 +402,6 @@ impl<'s> Section<'s> {
     fn refuse_value(&self, key: &str, value: Value<'s>, wrong: &str, rule: &str) {
         let (line, shown) = (self.source.line_of(value.span()), self.source.shown(value));
         self.source.note(Class::Value, line, &self.full(key), &shown, wrong, rule);
-    }
-}
-
-fn collect_texts(table: &DeTable<'_>, names: &[&str], found: &mut Vec<(Range<usize>, String)>) {
-    for (key, value) in table.iter() {
-        match value.get_ref() {
-            DeValue::Table(inner) => collect_texts(inner, names, found),
-            DeValue::Array(list) => {
-                for inner in list.iter().filter_map(|entry| entry.get_ref().as_table()) {
-                    collect_texts(inner, names, found);
-                }
-            }
-            DeValue::String(text) if names.contains(&&**key.get_ref()) => {
-                found.push((value.span(), text.to_string()));
-            }
-            DeValue::String(_)
-            | DeValue::Integer(_)
-            | DeValue::Float(_)
-            | DeValue::Boolean(_)
-            | DeValue::Datetime(_) => {}
-        }
     }
 }
 

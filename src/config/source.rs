@@ -95,11 +95,6 @@ impl<'t> Source<'t> {
         &self.file
     }
 
-    /// Returns its text.
-    pub(super) fn text(&self) -> &'t str {
-        self.text
-    }
-
     /// Parses the text; what is no TOML is noted and left out of the tree.
     pub(super) fn parse(&self) -> Spanned<DeTable<'t>> {
         if self.text.len() > LIMIT_BYTES {

@@ -1,6 +1,9 @@
 //! The shared description of a place: every node of a swarm reads the same venue file, and its hash
 //! is how they notice when they do not. Knows nothing of what stands there (that is the scene).
 
+use std::hash::Hasher;
+
+use fnv::FnvHasher;
 use tomoswarm_proto::TILE_SIDE;
 
 use super::forms::{Name, Places, places};
@@ -84,7 +87,7 @@ impl Venue {
     /// layout and the order of keys do not count. (FNV-1a, 64 bits, over the IEEE bytes.)
     pub fn hash(&self) -> u64 {
         let Datum { latitude_deg, longitude_deg, altitude_m } = self.datum;
-        let mut hash = Fnv::default();
+        let mut hash = Hash::default();
         hash.numbers(&[latitude_deg, longitude_deg, altitude_m, self.x_axis_bearing().radians()]);
         hash.points(&[self.area.min, self.area.max]);
         hash.points(self.fence.corners());
@@ -94,7 +97,7 @@ impl Venue {
         if let Some(contract) = self.swarm.hashed() {
             hash.numbers(&contract);
         }
-        hash.0
+        hash.0.finish()
     }
 
     /// Gives the plane of the local frame on the earth.
@@ -307,28 +310,17 @@ fn check_homes(root: &Section, venue: &Venue) {
     }
 }
 
-/// The FNV-1a hash (Fowler, Noll, Vo), 64 bits.
-struct Fnv(u64);
+/// The FNV-1a hash of what all nodes must agree on.
+#[derive(Default)]
+struct Hash(FnvHasher);
 
-impl Default for Fnv {
-    fn default() -> Fnv {
-        Fnv(0xcbf2_9ce4_8422_2325)
-    }
-}
-
-impl Fnv {
-    fn bytes(&mut self, bytes: [u8; 8]) {
-        for byte in bytes {
-            self.0 = (self.0 ^ u64::from(byte)).wrapping_mul(0x0100_0000_01b3);
-        }
-    }
-
+impl Hash {
     /// Takes in a list; its length too, so that neighbouring lists cannot be cut differently.
     fn numbers(&mut self, numbers: &[f64]) {
-        self.bytes((numbers.len() as u64).to_le_bytes());
+        self.0.write(&(numbers.len() as u64).to_le_bytes());
         for number in numbers {
             // Adding zero makes −0 and 0 the same.
-            self.bytes((number + 0.0).to_bits().to_le_bytes());
+            self.0.write(&(number + 0.0).to_bits().to_le_bytes());
         }
     }
 

@@ -4,7 +4,7 @@ use super::keys::{Keyed, Tables, Writer};
 use super::sim::{Sim, SimTable};
 use super::task::Mission;
 use super::vehicle::SWARM;
-use super::{Config, GroundFile, OperatorFile, SceneFile, Up, VehicleFile, Venue};
+use super::{Config, Experiment, GroundFile, OperatorFile, SceneFile, Up, VehicleFile, Venue};
 
 /// Returns a configuration as TOML: every key with its value, defaults included, and with unit and meaning as a comment.
 ///
@@ -17,7 +17,7 @@ pub fn written(config: &Config) -> String {
         Config::Vehicle(file) => Writer::file("vehicle", &mut *file.clone()),
         Config::Ground(file) => Writer::file("ground", &mut *file.clone()),
         Config::Operator(file) => Writer::file("operator", &mut *file.clone()),
-        Config::Experiment(experiment) => experiment.text().to_owned(),
+        Config::Experiment(experiment) => Writer::file("experiment", &mut *experiment.clone()),
     }
 }
 
@@ -25,7 +25,7 @@ fn sim_table(sim: &mut Sim) -> SimTable<'_> {
     SimTable { sim, allowed: &SWARM, asked: None }
 }
 
-/// Returns the tables of all keys, as Markdown, by the kind of file; those of an experiment are described by hand.
+/// Returns the tables of all keys, as Markdown, by the kind of file.
 pub fn key_tables() -> Vec<(&'static str, String)> {
     let mut missions = Mission::each();
     // A key of any kind of mission is a key of `[mission]`.
@@ -35,6 +35,7 @@ pub fn key_tables() -> Vec<(&'static str, String)> {
         ("scene", Tables::of(&mut [&mut SceneFile::of_shapes(Up::Y)])),
         ("sim", Tables::of(&mut [&mut sim_table(&mut Sim::blank())])),
         ("mission", Tables::of(&mut each)),
+        ("experiment", Tables::of(&mut [&mut Experiment::blank()])),
         ("vehicle", Tables::of(&mut [&mut VehicleFile::blank()])),
         ("ground", Tables::of(&mut [&mut GroundFile::blank()])),
         ("operator", Tables::of(&mut [&mut OperatorFile::blank()])),

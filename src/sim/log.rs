@@ -1,6 +1,9 @@
 //! The deterministic log of a run: virtual time and facts, nothing of the machine it ran on.
 
 use std::fmt::Write;
+use std::hash::Hasher;
+
+use fnv::FnvHasher;
 
 use crate::time::Time;
 use crate::tomo::Image;
@@ -34,8 +37,9 @@ pub fn image_hash(image: &Image) -> u64 {
     hash(image.values.iter().map(|value| libm::round(*value * 1e3) as i64 as u64))
 }
 
-/// Gives the FNV-1a hash of numbers.
+/// Returns the FNV-1a hash of numbers.
 pub fn hash(numbers: impl Iterator<Item = u64>) -> u64 {
-    let bytes = numbers.flat_map(u64::to_le_bytes);
-    bytes.fold(0xcbf2_9ce4_8422_2325, |state, byte| (state ^ u64::from(byte)).wrapping_mul(0x0100_0000_01b3))
+    let mut hash = FnvHasher::default();
+    numbers.for_each(|number| hash.write(&number.to_le_bytes()));
+    hash.finish()
 }

@@ -1,8 +1,11 @@
 //! An experiment with all files that it names, each read once, so that a file that changes under way changes nothing.
 
 use std::collections::BTreeMap;
+use std::hash::Hasher;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
+
+use fnv::FnvHasher;
 
 use crate::cli::error::CliError;
 use crate::cli::load::{self, Loaded};
@@ -144,9 +147,11 @@ impl Grid {
     /// (FNV-1a, 64 bits.)
     pub(super) fn hash(&self) -> u64 {
         let files = self.files.lock().unwrap_or_else(PoisonError::into_inner);
-        let texts = files.texts.values().filter_map(|text| text.as_ref().ok());
-        let bytes = texts.flat_map(|text| (text.len() as u64).to_le_bytes().into_iter().chain(text.bytes()));
-        bytes
-            .fold(0xcbf2_9ce4_8422_2325, |hash, byte| (hash ^ u64::from(byte)).wrapping_mul(0x0100_0000_01b3))
+        let mut hash = FnvHasher::default();
+        for text in files.texts.values().filter_map(|text| text.as_ref().ok()) {
+            hash.write(&(text.len() as u64).to_le_bytes());
+            hash.write(text.as_bytes());
+        }
+        hash.finish()
     }
 }

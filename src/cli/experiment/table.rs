@@ -47,7 +47,7 @@ pub(super) fn text(experiment: &Experiment, rows: &[Row], by: &[Axis]) -> String
             let _ = writeln!(text, "{}: {count} × {why}", names.join(" "));
         }
     }
-    let _ = writeln!(text, "{} of {} runs of {}", rows.len(), experiment.runs(), experiment.name);
+    let _ = writeln!(text, "{} of {} runs of {}", rows.len(), experiment.runs(), experiment.name());
     text
 }
 

@@ -1,7 +1,20 @@
 //! Grids over the bundled courtyard.
 
+use std::collections::BTreeSet;
+
+use proptest::collection::btree_set;
+use proptest::prelude::*;
+
 use super::*;
-use crate::config::{bundled, read_experiment};
+use crate::config::keys::{
+    Bounds, Entry, Flag, Form, MaybeTable, NamedTables, Number, Numbers, Others, Rowed, Rows, Whole, Word,
+    Words,
+};
+use crate::config::overlay::FILES;
+use crate::config::sim::SimTable;
+use crate::config::task::Mission;
+use crate::config::vehicle::SWARM;
+use crate::config::{Config, bundled, read_experiment};
 
 const FILE: &str = "configs/trial.toml";
 
@@ -168,4 +181,133 @@ fn an_experiment_needs_a_simulation() {
     let text =
         read_experiment(FILE, "kind = \"experiment\"\n[[scene]]\nname = \"a\"\n").unwrap_err().to_string();
     assert!(text.contains("scene[0].sim: is missing"), "{text}");
+}
+
+/// Checks that two grids are the same: their runs by name, and every simulation.
+pub(in crate::config) fn check_same_grid(first: &Experiment, second: &Experiment, loader: &mut Loader) {
+    assert_eq!((first.name(), first.runs(), first.cells()), (second.name(), second.runs(), second.cells()));
+    for run in 0..first.runs() {
+        assert_eq!(first.key(run, true), second.key(run, true));
+        assert_eq!(first.seed_of(run), second.seed_of(run));
+    }
+    for cell in 0..first.cells() {
+        match (first.sim(cell, loader), second.sim(cell, loader)) {
+            (Ok(first), Ok(second)) => assert_eq!(first, second, "cell {cell}"),
+            // Mistakes name file and line.
+            (Err(_), Err(_)) => {}
+            (first, second) => panic!("cell {cell}: {first:?} and {second:?}"),
+        }
+    }
+}
+
+/// Returns a list of the numbers of a set as TOML, or nothing when it is empty.
+fn axis(key: &str, values: &BTreeSet<u32>, per: f64) -> String {
+    let list: Vec<String> = values.iter().map(|value| (f64::from(*value) / per).to_string()).collect();
+    if list.is_empty() { String::new() } else { format!("{key} = [{}]\n", list.join(", ")) }
+}
+
+proptest! {
+    /// What an experiment is written as has the same grid, whatever was given.
+    #[test]
+    fn a_random_experiment_is_read_back_as_it_was_written(
+        safety_cm in btree_set(25u32..120, 0..3),
+        cells_cm in btree_set(10u32..60, 0..3),
+        sizes_m in btree_set(8u32..20, 0..3),
+        vehicles in btree_set(1u32..5, 0..3),
+        seeds in prop_oneof![
+            Just(String::new()),
+            (1u32..5).prop_map(|count| format!("seeds = {count}\n")),
+            btree_set(0u32..1000, 1..4).prop_map(|seeds| axis("seeds", &seeds, 1.0)),
+        ],
+        angle_deg in proptest::option::of(3u32..40),
+        with in prop_oneof![
+            Just(""),
+            Just("[with]\nuntil_s = 900\nvehicles.pose_sd_m = 0.03\n"),
+            Just("[with.mission]\nkind = \"square\"\nsize_m = 5\n[with.safety]\nautonomy_s = 40\n"),
+        ],
+        missions in prop_oneof![
+            Just(""),
+            Just("[[mission]]\nkind = \"explore\"\n"),
+            Just("[[mission]]\nname = \"box\"\nkind = \"square\"\nsize_m = 4\n[[mission]]\nkind = \"waypoints\"\nwaypoints_m = [[8, 8],\n  [9, 9]] # two\n"),
+        ],
+        scenes in prop_oneof![
+            Just(""),
+            Just("[[scene]]\nsim = \"other.sim.toml\"\n[[scene]]\nname = \"yard\"\nsim = \"other.sim.toml\"\nwith.vehicles.radius_m = 0.3\n"),
+            Just("[[scene]]\nscene = \"../scenes/trees.scene.toml\"\nvenue = \"trees.venue.toml\"\n"),
+        ],
+    ) {
+        let sensor = angle_deg.map(|angle| format!("[[sensor]]\nhalf_angle_deg = {angle}\n"));
+        let text = format!(
+            "name = \"random\"\n{}{}{}{}{seeds}{with}{missions}{scenes}{}",
+            axis(SAFETY, &safety_cm, 100.0),
+            axis(CELLS, &cells_cm, 100.0),
+            axis(SIZES, &sizes_m, 1.0),
+            axis("vehicles", &vehicles, 1.0),
+            sensor.unwrap_or_default(),
+        );
+        let first = grid(&text);
+        let written = crate::config::written(&Config::Experiment(Box::new(first.clone())));
+        let second = read_experiment("-", &written).unwrap_or_else(|problems| panic!("{problems}\n{written}"));
+        prop_assert_eq!(&crate::config::written(&Config::Experiment(Box::new(second.clone()))), &written);
+        check_same_grid(&first, &second, &mut load);
+    }
+}
+
+/// Notes the keys whose texts are read with the folder of their file before them.
+#[derive(Default)]
+struct Files(BTreeSet<&'static str>);
+
+impl Keys for Files {
+    fn number(&mut self, _: &mut f64, _: Number) {}
+
+    fn maybe_number(&mut self, _: &mut Option<f64>, _: Bounds<f64>) {}
+
+    fn needed_number(&mut self, _: &mut f64, _: Bounds<f64>) {}
+
+    fn whole(&mut self, _: &mut usize, _: Whole) {}
+
+    fn maybe_whole(&mut self, _: &mut Option<usize>, _: Bounds<usize>) {}
+
+    fn flag(&mut self, _: &mut bool, _: Flag) {}
+
+    fn word(&mut self, _: &mut dyn Word, _: Words) {}
+
+    fn numbers(&mut self, _: &mut Vec<f64>, _: Numbers) {}
+
+    fn form(&mut self, value: &mut dyn Form, key: Entry) {
+        let text = format!("{} = \"named\"", key.name);
+        let source = Source::new("folder/file", &text);
+        let tree = source.parse();
+        value.read(&Section::root(&source, &tree), key.name);
+        if value.written().as_deref() == Some("\"folder/named\"") {
+            self.0.insert(key.name);
+        }
+    }
+
+    fn moved(&mut self, _: &'static str, _: &'static str) {}
+
+    fn table(&mut self, value: &mut dyn Keyed, _: Entry) {
+        value.keys(self);
+    }
+
+    fn maybe_table(&mut self, value: &mut dyn MaybeTable, _: Entry) {
+        value.fill().keys(self);
+    }
+
+    fn rows(&mut self, _: &mut dyn Rows, _: Rowed) {}
+
+    fn named_tables(&mut self, _: &mut dyn NamedTables, _: Entry) {}
+
+    fn others(&mut self, _: &mut Layer, _: Others) {}
+}
+
+/// What is laid over a simulation or a mission is written with the folder of the experiment's file before it.
+#[test]
+fn the_files_that_may_be_laid_over_are_those_that_the_keys_declare() {
+    let mut files = Files::default();
+    SimTable { sim: &mut Sim::blank(), allowed: &SWARM, asked: None }.keys(&mut files);
+    Mission::each().iter_mut().for_each(|mission| mission.keys(&mut files));
+    // A simulation opens its venue and its scene before it shows its keys.
+    files.0.extend(["venue", "scene"]);
+    assert_eq!(files.0, FILES.iter().copied().collect());
 }

@@ -1,9 +1,10 @@
 //! Keys of one table that stand in another one as well: a simulation may give in its own tables what the venue says.
 //! What the venue says is the default there.
 
+use super::super::overlay::Layer;
 use super::{
-    Bounds, Entry, Flag, Form, Keyed, Keys, MaybeTable, NamedTables, Number, Numbers, Rowed, Rows, Whole,
-    Word, Words,
+    Bounds, Entry, Flag, Form, Keyed, Keys, MaybeTable, NamedTables, Number, Numbers, Others, Rowed, Rows,
+    Whole, Word, Words,
 };
 
 /// Passes on the keys of some names, each with its present value as its default.
@@ -86,4 +87,6 @@ impl Keys for Only<'_> {
     fn rows(&mut self, _: &mut dyn Rows, _: Rowed) {}
 
     fn named_tables(&mut self, _: &mut dyn NamedTables, _: Entry) {}
+
+    fn others(&mut self, _: &mut Layer, _: Others) {}
 }

@@ -1,11 +1,12 @@
 //! Reading: sets every value that it is shown to what stands in a section of a file, or to its default. Limits are
 //! checked, and mistakes are noted, by the section.
 
+use super::super::overlay::Layer;
 use super::super::section::Section;
 use super::super::source::Source;
 use super::{
-    Bounds, Entry, Flag, Form, Keyed, Keys, MaybeTable, NamedTables, Number, Numbers, Rowed, Rows, Whole,
-    Word, Words,
+    Bounds, Entry, Flag, Form, Keyed, Keys, MaybeTable, NamedTables, Number, Numbers, Others, Rowed, Rows,
+    Whole, Word, Words,
 };
 
 /// Reads a whole table: a key that was not shown is refused.
@@ -103,5 +104,9 @@ impl Keys for Reader<'_, '_> {
         for (name, section) in self.section.entries(key.name) {
             read_table(value.named(&name), &section);
         }
+    }
+
+    fn others(&mut self, value: &mut Layer, key: Others) {
+        *value = self.section.others(key.but);
     }
 }

@@ -1,10 +1,11 @@
 //! The tables of `configs/README.md`: every key with its default, what is allowed and what it means, as Markdown.
 
+use super::super::overlay::Layer;
 use super::unit::unit;
 use super::writer::{list, number};
 use super::{
-    Bounds, Entry, Flag, Form, Keyed, Keys, MaybeTable, NamedTables, Number, Numbers, Rowed, Rows, Whole,
-    Word, Words,
+    Bounds, Entry, Flag, Form, Keyed, Keys, MaybeTable, NamedTables, Number, Numbers, Others, Rowed, Rows,
+    Whole, Word, Words,
 };
 
 const HEAD: &str = "| key | default | allowed | meaning |\n| --- | --- | --- | --- |\n";
@@ -112,8 +113,8 @@ impl Keys for Tables {
         self.row(key.name, &default, &format!("{count} numbers, {least} to {most}"), key.means);
     }
 
-    fn form(&mut self, _: &mut dyn Form, key: Entry) {
-        self.row(key.name, key.left_out, "", key.means);
+    fn form(&mut self, value: &mut dyn Form, key: Entry) {
+        self.row(key.name, key.left_out, &value.allowed(), key.means);
     }
 
     fn moved(&mut self, _: &'static str, _: &'static str) {}
@@ -141,5 +142,10 @@ impl Keys for Tables {
         let name = format!("{}{}.NAME", self.prefix, key.name);
         let table = value.named("NAME");
         self.under(&name, &format!("[{name}]"), (left_out, means), &mut |inner| table.keys(inner));
+    }
+
+    fn others(&mut self, _: &mut Layer, key: Others) {
+        let which = if key.but.is_empty() { "any" } else { "any other" };
+        self.rows.push(format!("| {which} |  |  | {} |\n", key.means));
     }
 }

@@ -5,6 +5,7 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use proptest::prelude::*;
 
+use super::super::experiment::tests::check_same_grid;
 use super::super::sim::{Sim, SimTable};
 use super::super::vehicle::SWARM;
 use super::super::{Config, GroundFile, OperatorFile, VehicleFile, bundled, read, written};
@@ -147,6 +148,8 @@ impl Keys for Draw {
             self.inside(key.name, &mut |inner| value.named(&name).keys(inner));
         }
     }
+
+    fn others(&mut self, _: &mut Layer, _: Others) {}
 }
 
 /// Changes some values of a configuration, and gives which.
@@ -159,7 +162,7 @@ fn draw(config: &mut Config, seed: u64, one_in: u64) -> Vec<String> {
         Config::Vehicle(file) => VehicleFile::keys(file, &mut draw),
         Config::Ground(file) => GroundFile::keys(file, &mut draw),
         Config::Operator(file) => OperatorFile::keys(file, &mut draw),
-        Config::Experiment(_) => {}
+        Config::Experiment(experiment) => experiment.keys(&mut draw),
     }
     draw.changed
 }
@@ -254,8 +257,10 @@ fn check_round_trip(config: &Config) {
     let (text, back) = read_back(config);
     assert_eq!(written(&back), text);
     match (config, &back) {
-        // An experiment knows the lines of its file, and its name.
-        (Config::Experiment(first), Config::Experiment(second)) => assert_eq!(first.runs(), second.runs()),
+        // An experiment knows the lines of its file, and its name: what it means are its simulations.
+        (Config::Experiment(first), Config::Experiment(second)) => {
+            check_same_grid(first, second, &mut loaded);
+        }
         (first, second) => assert_eq!(first, second, "{text}"),
     }
 }

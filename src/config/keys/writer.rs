@@ -1,10 +1,11 @@
 //! Writing: a file as TOML, every key with its value, in the order of declaration; on demand with unit and meaning as a
 //! comment. Read back, the text gives the same values.
 
+use super::super::overlay::Layer;
 use super::unit::unit;
 use super::{
-    Bounds, Entry, Flag, Form, Keyed, Keys, MaybeTable, NamedTables, Number, Numbers, Rowed, Rows, Whole,
-    Word, Words,
+    Bounds, Entry, Flag, Form, Keyed, Keys, MaybeTable, NamedTables, Number, Numbers, Others, Rowed, Rows,
+    Whole, Word, Words,
 };
 
 /// A text that grows with every key that is shown.
@@ -119,6 +120,12 @@ impl Keys for Writer {
         for name in value.names() {
             let table = format!("{}.{}", key.name, quoted(&name));
             self.inner(&table, value.named(&name));
+        }
+    }
+
+    fn others(&mut self, value: &mut Layer, _: Others) {
+        for (name, value) in value.written() {
+            self.line(&name, value, "");
         }
     }
 }

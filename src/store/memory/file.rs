@@ -12,9 +12,11 @@
 //! nothing. Whatever else is found is refused and left as it is: to guess would be to obey what was overruled.
 
 use std::fs;
+use std::hash::Hasher;
 use std::io::{self, ErrorKind};
 use std::path::{Path, PathBuf};
 
+use fnv::FnvHasher;
 use tomoswarm_proto::{Lease, Revision, RunId};
 
 use crate::node::Memory;
@@ -173,11 +175,11 @@ fn numbers<const COUNT: usize>(line: &str, names: [&str; COUNT]) -> Option<[u64;
     words.next().is_none().then_some(values)
 }
 
-/// The FNV-1a hash (Fowler, Noll, Vo), 64 bits: one byte changed always changes it.
+/// Returns the FNV-1a hash of bytes: one byte changed always changes it.
 fn fnv(bytes: &[u8]) -> u64 {
-    bytes.iter().fold(0xcbf2_9ce4_8422_2325, |hash, byte| {
-        (hash ^ u64::from(*byte)).wrapping_mul(0x0000_0100_0000_01b3)
-    })
+    let mut hash = FnvHasher::default();
+    hash.write(bytes);
+    hash.finish()
 }
 
 #[cfg(test)]
