@@ -176,7 +176,7 @@ fn flood(mouth: Mouth, id: u8, is_over: Arc<AtomicBool>) -> std::thread::JoinHan
 fn ordered(mouth: &Mouth, vehicle: u8, number: u32, ear: &Receiver<(Revision, Instant)>) -> Option<Duration> {
     let lease = Lease { number: 1, holder: 1 };
     let (vehicle, run, revision) = (VehicleId(vehicle), RunId(1), Revision(number));
-    let order = Order { vehicle, lease, run, revision, seen: None, kind: OrderKind::Emergency, ends: vec![] };
+    let order = Order { vehicle, lease, run, revision, seen: None, kind: OrderKind::CutMotors, ends: vec![] };
     let began = Instant::now();
     mouth.publish(&Message::Order(order));
     while let Ok((heard, at)) = ear.recv_timeout(Duration::from_secs(2)) {

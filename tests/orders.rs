@@ -1,5 +1,6 @@
 //! Orders under faults, in virtual time: 30 % loss, delays, doubling, partitions, restarts of vehicles and of the ground
-//! station, at times with an empty disk, two operators with take-over, one of them at times by a script. More seeds: `cargo bench --bench orders -- 2000`.
+//! station, at times with an empty disk, two operators with take-over, one of them at times by a script. And emergency stops
+//! under faults. More seeds: `cargo bench --bench orders -- 2000`, `cargo bench --bench orders -- stops 2000`.
 
 #[path = "orders/chance.rs"]
 mod chance;
@@ -7,11 +8,14 @@ mod chance;
 mod ground;
 #[path = "orders/nodes.rs"]
 mod nodes;
+#[path = "orders/stops.rs"]
+mod stops;
 #[path = "orders/tally.rs"]
 mod tally;
 #[path = "orders/world.rs"]
 mod world;
 
+use stops::{StopMistake, StopsTally, play_stops};
 use tally::{Mistake, Tally};
 use world::play;
 
@@ -80,5 +84,46 @@ fn a_restarted_ground_station_that_orders_below_what_is_in_force_is_noticed() {
 
 #[test]
 fn a_ground_station_that_does_not_wait_for_its_disk_is_noticed() {
-    is_noticed(Mistake::GroundDoesNotWait, "two plans");
+    is_noticed(Mistake::GroundDoesNotWait, "the ground");
+}
+
+#[test]
+fn a_stop_is_in_force_wherever_it_can_be_heard_of_nobody_moves_under_it_and_a_lift_moves_nobody() {
+    let mut sum = StopsTally::default();
+    for seed in 0..SEEDS {
+        match play_stops(seed, None) {
+            Ok(tally) => sum.add(&tally),
+            Err(wrong) => panic!("{wrong}"),
+        }
+    }
+    assert!(sum.driving > 2 * SEEDS as usize, "{} vehicles drove when the stop was given", sum.driving);
+    assert!(sum.driving_again > SEEDS as usize / 2, "{} drove again", sum.driving_again);
+    assert!(sum.restarted > 10 && sum.by_bus.len() > 100 && sum.by_beacons.len() > 20, "{sum:?}");
+    assert!(sum.within_three_turns() > 0.95, "{:.3} of {}", sum.within_three_turns(), sum.by_beacons.len());
+}
+
+fn is_stop_mistake_noticed(mistake: StopMistake, by: &str) {
+    let wrong: Vec<String> =
+        (0..NOTICED_WITHIN).filter_map(|seed| play_stops(seed, Some(mistake)).err()).collect();
+    assert!(wrong.iter().any(|wrong| wrong.contains(by)), "{mistake:?}: {wrong:?}");
+}
+
+#[test]
+fn a_stop_that_is_not_said_on_is_noticed() {
+    is_stop_mistake_noticed(StopMistake::NotSaidOn, "the stop");
+}
+
+#[test]
+fn a_vehicle_that_is_not_told_of_a_stop_is_noticed() {
+    is_stop_mistake_noticed(StopMistake::VehicleNotTold, "drives under an open stop");
+}
+
+#[test]
+fn beacons_that_name_no_stop_are_noticed() {
+    is_stop_mistake_noticed(StopMistake::BeaconsSilent, "of the stop");
+}
+
+#[test]
+fn a_ground_station_that_starts_after_a_lift_is_noticed() {
+    is_stop_mistake_noticed(StopMistake::GroundStarts, "without an operator's start");
 }

@@ -71,13 +71,23 @@ impl fmt::Display for StopId {
 pub struct EmergencyName(pub u32);
 
 impl EmergencyName {
-    /// Stands for more stops than a node can name one by one; never drawn.
-    pub const MANY: EmergencyName = EmergencyName(0);
+    /// The lowest name that is drawn. Those below it stand for more stops than a node names one by one.
+    pub const LOWEST_DRAWN: u32 = 1 << 16;
+
+    /// Returns the name of what takes the place of a stop that cannot be named any more.
+    pub const fn many_of(name: EmergencyName) -> EmergencyName {
+        EmergencyName(name.0 % EmergencyName::LOWEST_DRAWN)
+    }
+
+    /// Returns whether it stands for more stops than a node names one by one.
+    pub const fn is_many(self) -> bool {
+        self.0 < EmergencyName::LOWEST_DRAWN
+    }
 }
 
 impl fmt::Display for EmergencyName {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        if *self == EmergencyName::MANY { f.write_str("many") } else { write!(f, "{:08x}", self.0) }
+        if self.is_many() { write!(f, "many-{:04x}", self.0) } else { write!(f, "{:08x}", self.0) }
     }
 }
 
@@ -125,8 +135,9 @@ mod tests {
 
     #[test]
     fn the_name_of_many_stops_is_told_apart() {
-        assert_eq!(EmergencyName::MANY.to_string(), "many");
-        assert_eq!(EmergencyName(0x2a).to_string(), "0000002a");
+        assert_eq!(EmergencyName(0x1_002a).to_string(), "0001002a");
+        let many = EmergencyName::many_of(EmergencyName(0x1_002a));
+        assert_eq!((many.to_string().as_str(), many.is_many()), ("many-002a", true));
     }
 
     #[test]

@@ -307,7 +307,7 @@ fn impossible_missions_orders_and_stops_are_refused() {
     };
     standing(&[2, 1], &[], "ascending by name");
     standing(&[1, 1], &[], "ascending by name");
-    standing(&[1, 2, 3, 4, 5, 6, 7, 8, 9], &[], "8 stops");
+    standing(&[1, 2, 3, 4, 5, 6, 7, 8, 9, 10], &[], "9 stops");
     standing(&[], &[7, 1, 7], "named once");
     standing(&[], &(0..65).collect::<Vec<u32>>(), "64");
 }

@@ -82,14 +82,12 @@ impl OperatorContext {
     fn operator(&self) -> Result<OperatorSettings, NoChance> {
         // An operator's tool counts no starts.
         let hello = membership::greeting(OPERATOR, Boot(0), &self.venue, Vec::new())?;
-        let places = 1..=self.venue.homes.len();
         Ok(OperatorSettings {
             hello: Hello { is_member: true, ..hello },
             greets: true,
             // Holder 0 is that of no operator.
             holder: membership::draw()?.max(1),
             expected: self.vehicles.clone(),
-            possible: places.filter_map(|id| u8::try_from(id).ok().map(VehicleId)).collect(),
         })
     }
 }

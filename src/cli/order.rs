@@ -15,7 +15,7 @@ use crate::operator::fleet_view::Misfit;
 use crate::operator::names::{kind_name, ordered};
 use crate::operator::operator_actor::{In, Out};
 use crate::operator::outcome::{Outcome, VehicleOutcome};
-use crate::operator::want::Want;
+use crate::operator::want::{StopWish, Want};
 use crate::run::live_operator::LiveOperator;
 
 /// Between two looks at whether the command shall end.
@@ -29,6 +29,9 @@ const ONE: u32 = 0;
 /// that the ground station holds or the vehicles obey; whoever gave a higher order in between is named. A stopping order
 /// goes above a start of the same lease that comes in between. A start of a run is refused while the ground station drives
 /// another one.
+///
+/// An emergency is no order but a state of the swarm: every node that hears of it says it on, by bus and by radio, and keeps
+/// it on its disk. Under it no vehicle obeys a start or a return. The next start lifts what is open then.
 #[derive(clap::Args, Debug)]
 #[command(after_help = AFTER_HELP)]
 pub struct OrderArgs {
@@ -47,6 +50,12 @@ pub struct OrderArgs {
     /// Take the lease from whoever holds it
     #[arg(long)]
     pub take_over: bool,
+    /// Lift emergency stops by this start although these vehicles are not heard
+    #[arg(long, value_name = "VEHICLE", value_delimiter = ',', value_parser = clap::value_parser!(u8).range(1..=250))]
+    pub although_unheard: Vec<u8>,
+    /// Lift also what stands for more emergency stops than can be named
+    #[arg(long)]
+    pub lift_all: bool,
     /// Give up after so many seconds
     #[arg(long, value_name = "S", default_value = "5", value_parser = seconds)]
     pub timeout: Duration,
@@ -58,7 +67,7 @@ pub struct OrderArgs {
 /// What a vehicle can be told.
 #[derive(clap::ValueEnum, Clone, Copy, PartialEq, Eq, Debug)]
 pub enum What {
-    /// Begin a run, or go on; ends an emergency
+    /// Begin a run, or go on; lifts the emergency stops that are open
     Start,
     /// Stand still, keep the plan (= hold)
     Pause,
@@ -70,35 +79,44 @@ pub enum What {
     Return,
     /// Come down where it is
     Land,
-    /// Stop at once; only start ends it
+    /// Stop at once, whoever hears of it; only start ends it
     Emergency,
     /// Cut the motors at once, whatever falls; needs --yes-cut-motors
     CutMotors,
 }
 
 const AFTER_HELP: &str = "\
-An emergency waits for nobody: it goes out as soon as the bus is open, also to vehicles of which nothing was heard. Whoever
-has another venue file or version of the wire is named; of all orders it obeys only an emergency, if it can read it.
+An emergency waits for nobody: it goes out as soon as the bus is open, and whoever hears of it stops, also one that has
+another venue file. It says what each vehicle shows: in force, and whether it still brakes; not shown; not heard. A start is
+refused while a vehicle was not heard for 2 s and a stop would be lifted, unless --although-unheard names it. A return is
+refused while a stop is open. Whoever has another venue file or version of the wire is named and obeys no order.
 
 Examples:
   tomoswarm order operator.toml start                 all vehicles begin
   tomoswarm order operator.toml hold 2 3              two of them stand still
   tomoswarm order operator.toml emergency             everyone stops at once
+  tomoswarm order operator.toml emergency 2           vehicle 2 alone does
+  tomoswarm order operator.toml start                 lifts it, and all begin again
   tomoswarm order operator.toml start --take-over     in place of another ground station
 
-Exit codes: 0 every vehicle shows the order; 1 not in time, overruled, nobody heard, a vehicle that does not fit, or a
-start of a run while another one is under way; 2 bad usage or configuration.";
+Exit codes: 0 every vehicle shows the order; 1 not in time, overruled, nobody heard, a vehicle that does not fit, a start
+of a run while another one is under way, or one that would lift a stop while a vehicle is not heard; 2 bad usage or configuration.";
 
 impl What {
-    fn kind(self) -> OrderKind {
+    /// Returns the order that it is; an emergency stop is none.
+    fn kind(self) -> Option<OrderKind> {
         match self {
-            What::Start | What::Resume => OrderKind::Start,
-            What::Pause | What::Hold => OrderKind::Hold,
-            What::Return => OrderKind::Return,
-            What::Land => OrderKind::Land,
-            What::Emergency => OrderKind::Emergency,
-            What::CutMotors => OrderKind::CutMotors,
+            What::Start | What::Resume => Some(OrderKind::Start),
+            What::Pause | What::Hold => Some(OrderKind::Hold),
+            What::Return => Some(OrderKind::Return),
+            What::Land => Some(OrderKind::Land),
+            What::CutMotors => Some(OrderKind::CutMotors),
+            What::Emergency => None,
         }
+    }
+
+    fn name(self) -> &'static str {
+        self.kind().map_or("emergency", kind_name)
     }
 }
 
@@ -118,29 +136,43 @@ impl OrderArgs {
             }
             (_, _) => {}
         }
+        let is_start = self.what.kind() == Some(OrderKind::Start);
+        if !is_start && (self.lift_all || !self.although_unheard.is_empty()) {
+            let refused = "--although-unheard and --lift-all belong to start and resume only";
+            return Err(CliError::Usage(refused.to_owned()));
+        }
         let context = OperatorContext::read(&self.config)?;
         let stop = Stop::listen();
         let mut operator = context.open()?;
-        operator.tell(In::Want(ONE, self.want()));
+        operator.tell(self.wish());
         let outcome = until_over(&mut operator, &stop)?;
         let troubles = operator.session().troubles();
         operator.close();
         if let Some(refused) = outcome.refused {
             return Err(CliError::Swarm(format!("not ordered: {refused}")));
         }
-        let text = told(self.what.kind(), context.venue.hash(), &outcome);
+        let text = told(self.what.name(), context.venue.hash(), &outcome);
         out.write_all(text.as_bytes()).map_err(CliError::stdout)?;
-        if outcome.is_done() { Ok(()) } else { Err(undone(self.what.kind(), &outcome, &troubles)) }
+        if outcome.is_done() { Ok(()) } else { Err(undone(self.what.name(), &outcome, &troubles)) }
     }
 
-    fn want(&self) -> Want {
-        Want {
-            kind: self.what.kind(),
-            vehicles: self.vehicles.iter().map(|id| VehicleId(*id)).collect(),
-            run: self.run.map(RunId),
-            begins: self.what == What::Start,
-            take_over: self.take_over,
-            within: self.timeout,
+    /// Returns what the operator is told.
+    fn wish(&self) -> In {
+        let ids = |all: &[u8]| all.iter().map(|id| VehicleId(*id)).collect();
+        let (vehicles, within) = (ids(&self.vehicles), self.timeout);
+        match self.what.kind() {
+            None => In::Stop(ONE, StopWish { vehicles, within }),
+            Some(kind) => In::Want(
+                ONE,
+                Want {
+                    run: self.run.map(RunId),
+                    begins: self.what == What::Start,
+                    take_over: self.take_over,
+                    although_unheard: ids(&self.although_unheard),
+                    lifts_many: self.lift_all,
+                    ..Want::new(kind, vehicles, within)
+                },
+            ),
         }
     }
 }
@@ -154,7 +186,12 @@ fn until_over(operator: &mut LiveOperator, stop: &Stop) -> Result<Outcome, CliEr
         let said = operator.go_on(operator.now() + LOOK, |_, _| {}).map_err(fault)?;
         let over = said.into_iter().find_map(|out| match out {
             Out::Ended(_, outcome) => Some(outcome),
-            Out::Publish(_) | Out::InForce(..) | Out::Cue(_) | Out::ScriptEnded(_) => None,
+            Out::Publish(_)
+            | Out::Give(_)
+            | Out::StopsNote(_)
+            | Out::InForce(..)
+            | Out::Cue(_)
+            | Out::ScriptEnded(_) => None,
         });
         if let Some(outcome) = over {
             return Ok(outcome);
@@ -162,11 +199,18 @@ fn until_over(operator: &mut LiveOperator, stop: &Stop) -> Result<Outcome, CliEr
     }
 }
 
-fn told(kind: OrderKind, venue_hash: u64, outcome: &Outcome) -> String {
+fn told(name: &str, venue_hash: u64, outcome: &Outcome) -> String {
     let line = |(id, of): (&VehicleId, &VehicleOutcome)| match of {
         VehicleOutcome::Obeyed { after, by_ground } => {
             let by_ground = if *by_ground { "; the ground station has gone on from there" } else { "" };
-            format!("vehicle {id}: {} after {} ms{by_ground}\n", kind_name(kind), after.as_millis())
+            format!("vehicle {id}: {name} after {} ms{by_ground}\n", after.as_millis())
+        }
+        VehicleOutcome::Stopped { after, is_at_rest } => {
+            let brakes = if *is_at_rest { "" } else { ", brakes" };
+            format!("vehicle {id}: in force after {} ms{brakes}\n", after.as_millis())
+        }
+        VehicleOutcome::UnderStop(stop) => {
+            format!("vehicle {id}: stands under emergency stop {stop}, which this does not lift\n")
         }
         VehicleOutcome::Overruled(echo) => {
             let holder = echo.lease.holder;
@@ -185,17 +229,13 @@ fn told(kind: OrderKind, venue_hash: u64, outcome: &Outcome) -> String {
     outcome.vehicles.iter().map(line).collect()
 }
 
-fn undone(kind: OrderKind, outcome: &Outcome, troubles: &[String]) -> CliError {
-    let undone: BTreeSet<&VehicleId> = outcome
-        .vehicles
-        .iter()
-        .filter(|(_, of)| !matches!(of, VehicleOutcome::Obeyed { .. }))
-        .map(|(id, _)| id)
-        .collect();
+fn undone(name: &str, outcome: &Outcome, troubles: &[String]) -> CliError {
+    let undone: BTreeSet<&VehicleId> =
+        outcome.vehicles.iter().filter(|(_, of)| !of.is_done()).map(|(id, _)| id).collect();
     let ids: Vec<String> = undone.iter().map(ToString::to_string).collect();
     let mut text = match ids.is_empty() {
         true => "nobody was heard".to_owned(),
-        false => format!("{} is not shown by vehicle {}", kind_name(kind), ids.join(", ")),
+        false => format!("{name} is not shown by vehicle {}", ids.join(", ")),
     };
     for trouble in troubles {
         text += &format!("; {trouble}");

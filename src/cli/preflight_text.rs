@@ -19,10 +19,11 @@ pub fn text(nodes: &[Node], columns: Option<usize>) -> String {
             vec![node.clone(), check.what.to_owned(), light.to_owned(), check.found.clone()]
         })
         .collect();
-    let verdict = match (is_go(nodes), nodes.len()) {
+    let has_vehicle = nodes.iter().any(|node| node.node.starts_with("vehicle"));
+    let verdict = match (is_go(nodes), has_vehicle) {
         (true, _) => "GO",
-        (false, 0 | 1) => "NO-GO: no vehicle was heard, and none was named",
-        (false, _) => "NO-GO",
+        (false, false) => "NO-GO: no vehicle was heard, and none was named",
+        (false, true) => "NO-GO",
     };
     format!("{}{verdict}\n", table(&["node", "check", "", "found"], &rows, columns))
 }

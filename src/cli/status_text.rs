@@ -37,6 +37,9 @@ pub fn text(view: &FleetView, expected: &Expected, now: Time, columns: Option<us
         vehicles.iter().map(|id| row(*id, view.vehicle(*id).unwrap_or(&nothing), now)).collect();
     let mut text =
         if rows.is_empty() { "no vehicle was heard\n".to_owned() } else { table(&HEADING, &rows, columns) };
+    for stop in view.open_stops() {
+        text += &format!("EMERGENCY STOP  {}\n", view.stop_in_words(&stop, &vehicles));
+    }
     for report in view.grounds() {
         text += &ground_lines(report, now);
     }
@@ -133,6 +136,7 @@ pub fn json(view: &FleetView, expected: &Expected, now: Time) -> Value {
         "missing": expected.missing(view, now),
         "vehicles": vehicles.iter().map(vehicle).collect::<Vec<Value>>(),
         "grounds": view.grounds().map(ground).collect::<Vec<Value>>(),
+        "emergency_stops": view.open_stops(),
         "refused": foreign,
         "shared_operators": view.shared_operators(now).collect::<Vec<OperatorId>>(),
     })

@@ -15,6 +15,7 @@ use crate::run::state_dir::StateDirError;
 use crate::run::trust::TrustError;
 use crate::run::vehicle_process::{self, Status, VehicleError};
 use crate::store::memory::MemoryError;
+use crate::store::stops::StopsError;
 
 /// Drive one vehicle: its actors, its drivers, its part of the bus.
 ///
@@ -92,9 +93,18 @@ fn is_passing(error: &VehicleError) -> bool {
         VehicleError::StateDir(error) => folder_is_passing(error),
         VehicleError::Memory(MemoryError::Unread { source, .. }) => file_is_passing(source),
         VehicleError::Memory(MemoryError::Damaged { .. } | MemoryError::Newer { .. }) => false,
+        VehicleError::Stops(error) => stops_is_passing(error),
         VehicleError::Bus(error) => bus_is_passing(error),
         VehicleError::Trust(error) => trust_is_passing(error),
         VehicleError::NoChance(_) | VehicleError::Thread(_) => true,
+    }
+}
+
+/// Tells the same of the file of emergency stops.
+pub(super) fn stops_is_passing(error: &StopsError) -> bool {
+    match error {
+        StopsError::Unread { source, .. } => file_is_passing(source),
+        StopsError::Damaged { .. } | StopsError::Newer { .. } => false,
     }
 }
 

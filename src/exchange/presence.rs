@@ -1,7 +1,7 @@
 //! Whether a node takes part in the bus: who of the others is heard, what may be said, and when it greets. The rules of
 //! joining are [`Joining`]'s; an operator's tool, which joins nothing, listens to everyone.
 
-use tomoswarm_proto::{Hello, Kind, Message};
+use tomoswarm_proto::{Hello, Kind, Message, Standing};
 
 use super::ingress::Heard;
 use super::joining::{Joining, Verdict};
@@ -47,8 +47,8 @@ impl Presence {
         let Presence::Node(joining) = self else { return fine(Some(heard)) };
         match heard {
             Heard::Message(sender, message) => {
-                let is_heard = stops_at_once(&message) || joining.listens_to(sender);
-                fine(is_heard.then_some(Heard::Message(sender, message)))
+                let heard = if joining.listens_to(sender) { Some(message) } else { of_stranger(message) };
+                fine(heard.map(|message| Heard::Message(sender, message)))
             }
             Heard::Unknown(_) => fine(None),
             Heard::Greeting(greeting, hello) => {
@@ -102,18 +102,19 @@ impl Presence {
         }
     }
 
-    /// Returns whether messages of a kind may be said: greetings always are.
+    /// Returns whether messages of a kind may be said: greetings, and which emergency stops are open, always are.
     pub fn may_say(&self, kind: Kind) -> bool {
-        kind == Kind::Hello || self.is_member()
+        matches!(kind, Kind::Hello | Kind::Standing) || self.is_member()
     }
 }
 
-/// Returns whether a message must not depend on venue files: what makes everything stop at once, by an order or by what
-/// stands. It was judged like everything else before.
-fn stops_at_once(message: &Message) -> bool {
+/// Returns what is heard of a message of somebody who does not fit. Emergency stops must not depend on venue files: which are
+/// open is heard, that they were lifted is not.
+fn of_stranger(message: Message) -> Option<Message> {
     match message {
-        Message::Order(order) => order.kind.is_emergency(),
-        Message::Standing(_) => true,
+        Message::Standing(Standing { open, lifted: _ }) => {
+            Some(Message::Standing(Standing { open, lifted: Vec::new() }))
+        }
         Message::Hello(_)
         | Message::State(_)
         | Message::Tile(_)
@@ -121,12 +122,13 @@ fn stops_at_once(message: &Message) -> bool {
         | Message::Want(_)
         | Message::Plan(_)
         | Message::Mission(_)
+        | Message::Order(_)
         | Message::Samples(_)
         | Message::Have(_)
         | Message::Beacon(_)
         | Message::Health(_)
         | Message::Report(_)
         | Message::Task(_)
-        | Message::Image(_) => false,
+        | Message::Image(_) => None,
     }
 }

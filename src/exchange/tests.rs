@@ -6,8 +6,8 @@ use std::time::Duration;
 
 use tomoswarm_proto::codec::{VERSION, encode};
 use tomoswarm_proto::{
-    Boot, EmergencyName, Kind, LayerId, Lease, Mission, OperatorId, Order, OrderKind, Progress, Revision,
-    RunId, SeenState, Standing, TileAddress, Topic, VehicleId, Want,
+    Boot, EmergencyName, EmergencyStop, Kind, LayerId, Lease, Mission, OperatorId, Order, OrderKind,
+    Progress, Revision, RunId, SeenState, Standing, StopScope, TileAddress, Topic, VehicleId, Want,
 };
 
 use super::*;
@@ -190,7 +190,7 @@ fn of_two_nodes_of_one_name_the_newcomer_leaves_and_the_other_goes_on() {
 }
 
 #[test]
-fn a_node_of_another_venue_is_refused_and_not_listened_to_but_its_emergency_is() {
+fn a_node_of_another_venue_is_refused_and_not_listened_to_but_which_stops_it_knows_are_open() {
     let mut swarm = Swarm::default();
     let two = swarm.join(TWO, 1, VENUE);
     swarm.run(seconds(3.0));
@@ -199,11 +199,16 @@ fn a_node_of_another_venue_is_refused_and_not_listened_to_but_its_emergency_is()
     assert!(swarm.nodes[ground].is_refused(), "who comes later learns it");
     assert!(swarm.nodes[two].verdicts.iter().any(|verdict| matches!(verdict, Verdict::Foreign(_))));
     // One that goes on all the same.
-    for kind in [OrderKind::Start, OrderKind::Emergency] {
-        swarm.put(ground, encode(&order(kind)).unwrap());
+    let stop = EmergencyStop { name: EmergencyName(0x1_0000), scope: StopScope::All, by: OperatorId(1) };
+    let standing = |lifted: &[u32]| {
+        let lifted = lifted.iter().copied().map(EmergencyName).collect();
+        Message::Standing(Standing { open: vec![stop], lifted })
+    };
+    for message in [order(OrderKind::Start), order(OrderKind::CutMotors), standing(&[5])] {
+        swarm.put(ground, encode(&message).unwrap());
     }
     swarm.run(seconds(0.1));
-    assert_eq!(swarm.nodes[two].heard, [order(OrderKind::Emergency)]);
+    assert_eq!(swarm.nodes[two].heard, [standing(&[])], "what is open, and not what was lifted");
 }
 
 #[test]
@@ -255,7 +260,7 @@ fn an_order_of_a_vehicle_and_what_is_said_in_anothers_name_are_refused_and_count
     let mut swarm = Swarm::default();
     let (two, three) = (swarm.join(TWO, 1, VENUE), swarm.join(THREE, 2, VENUE));
     swarm.run(seconds(3.0));
-    for message in [order(OrderKind::Emergency), progress(2, 7)] {
+    for message in [order(OrderKind::CutMotors), progress(2, 7)] {
         swarm.put(three, encode(&message).unwrap());
     }
     swarm.put(three, b"nonsense".to_vec());
@@ -344,7 +349,7 @@ fn what_stands_is_heard_whatever_the_venue_and_a_task_is_not() {
     swarm.run(seconds(3.0));
     let operator = swarm.join(Sender::Operator(OperatorId(7)), 9, VENUE + 1);
     swarm.run(seconds(1.0));
-    let standing = Message::Standing(Standing { open: vec![], lifted: vec![EmergencyName(5)] });
+    let standing = Message::Standing(Standing::default());
     let (_, task) = examples::examples().into_iter().find(|(word, _)| *word == "task").unwrap();
     for message in [&standing, &task] {
         swarm.put(operator, encode(message).unwrap());

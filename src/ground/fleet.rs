@@ -11,9 +11,12 @@ use std::collections::BTreeMap;
 use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
-use tomoswarm_proto::{Boot, Lease, Order, OrderKind, Ordered, Revision, RunId, SeenState, State, VehicleId};
+use tomoswarm_proto::{
+    Boot, EmergencyStop, Lease, Order, OrderKind, Ordered, Revision, RunId, SeenState, State, VehicleId,
+};
 
 use crate::geom::Point;
+use crate::stops::first_that_stops;
 use crate::sweep::{LOWER_BOOT_AFTER, VehicleProgress};
 use crate::time::Time;
 
@@ -219,6 +222,16 @@ impl Fleet {
         }
     }
 
+    /// Takes which emergency stops are open: for whom they hold stands until somebody starts it, and an own start that is
+    /// still to be repeated is given up.
+    pub fn stop(&mut self, open: &[EmergencyStop]) {
+        for (vehicle, member) in &mut self.members {
+            if first_that_stops(open, *vehicle).is_some() {
+                member.dealings.be_stopped();
+            }
+        }
+    }
+
     /// Starts every vehicle for which nothing stands: what somebody has stopped, lost or not, only somebody starts.
     pub fn start_all(&mut self, run: RunId) {
         for (vehicle, member) in
@@ -325,6 +338,13 @@ impl Dealings {
         }
     }
 
+    /// An emergency stop holds it, whoever has ordered what.
+    fn be_stopped(&mut self) {
+        self.stand(OrderKind::Hold);
+        let is_start = self.issued.as_ref().is_some_and(|order| order.kind == OrderKind::Start);
+        self.is_pending = self.is_pending && !is_start;
+    }
+
     fn stand(&mut self, kind: OrderKind) {
         let strongest = self.stands.into_iter().chain([kind]).reduce(OrderKind::stronger);
         self.stands = strongest.filter(|_| kind != OrderKind::Start);
@@ -369,8 +389,8 @@ impl Dealings {
     fn stop_again(&mut self, vehicle: VehicleId, lease: Lease, run: RunId) {
         match self.stands {
             None | Some(OrderKind::Start) => {}
-            Some(OrderKind::CutMotors) => self.order(vehicle, lease, run, OrderKind::Emergency),
-            Some(kind @ (OrderKind::Hold | OrderKind::Return | OrderKind::Land | OrderKind::Emergency)) => {
+            Some(OrderKind::CutMotors) => self.order(vehicle, lease, run, OrderKind::Land),
+            Some(kind @ (OrderKind::Hold | OrderKind::Return | OrderKind::Land)) => {
                 self.order(vehicle, lease, run, kind);
             }
         }
@@ -450,7 +470,7 @@ mod tests {
     fn an_order_above_the_highest_revision_is_no_overflow() {
         let mut fleet = Fleet::new(&[ONE], Lease::default());
         fleet.heard_state(Time::ZERO, state(1, u32::MAX, None));
-        fleet.order_all(RunId(1), OrderKind::Emergency);
+        fleet.order_all(RunId(1), OrderKind::Land);
         assert_eq!(fleet.open_orders()[0].revision, Revision(u32::MAX));
     }
 
@@ -475,7 +495,7 @@ mod tests {
         for (stop, again) in [
             (OrderKind::Hold, OrderKind::Hold),
             (OrderKind::Land, OrderKind::Land),
-            (OrderKind::CutMotors, OrderKind::Emergency),
+            (OrderKind::CutMotors, OrderKind::Land),
         ] {
             let mut fleet = Fleet::new(&[ONE], LEASE);
             heard(&mut fleet, 1, 2, OrderKind::Start);
@@ -629,7 +649,7 @@ mod tests {
     fn the_station_does_not_start_a_lost_one_that_was_stopped() {
         let two = VehicleId(2);
         let mut fleet = Fleet::new(&[ONE, two], LEASE);
-        heard(&mut fleet, 1, 1, OrderKind::Emergency);
+        heard(&mut fleet, 1, 1, OrderKind::Land);
         fleet.heard_state(Time::ZERO, State { vehicle: two, ..state(1, 0, None) });
         let later = Time::ZERO + Duration::from_secs(40);
         fleet.heard_state(later, State { vehicle: two, ..state(2, 0, None) });
@@ -639,8 +659,8 @@ mod tests {
         let ordered =
             |fleet: &Fleet| fleet.open_orders().iter().map(|order| order.vehicle).collect::<Vec<_>>();
         assert_eq!(ordered(&fleet), [two]);
-        assert!(heard(&mut fleet, 2, 1, OrderKind::Emergency).found);
-        assert_eq!((fleet.standing(), ordered(&fleet)), (Some(OrderKind::Emergency), vec![two]));
+        assert!(heard(&mut fleet, 2, 1, OrderKind::Land).found);
+        assert_eq!((fleet.standing(), ordered(&fleet)), (Some(OrderKind::Land), vec![two]));
         heard(&mut fleet, 3, 2, OrderKind::Start);
         assert_eq!(fleet.standing(), None);
     }

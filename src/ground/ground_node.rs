@@ -1,4 +1,4 @@
-//! The three actors of the ground station, run together on one thread, as the simulator does it.
+//! The four actors of the ground station, run together on one thread, as the simulator does it.
 
 use tomoswarm_proto::codec::EncodeError;
 
@@ -7,6 +7,7 @@ use super::route::{Effect, Event};
 use super::station::Station;
 use super::wiring::{GroundWiring, Source};
 use crate::actor::{ActorStep, Fault, LocalNode, Snapshot};
+use crate::stops::StopsSettings;
 use crate::time::{Deadline, Time};
 
 /// The ground station's actors, wired.
@@ -18,7 +19,9 @@ pub struct GroundNode {
 impl GroundNode {
     /// Makes the actors of a ground station, and wires them.
     pub fn new(parts: GroundParts) -> GroundNode {
-        GroundNode { node: LocalNode::new(&mut Source { parts, resumed: None }) }
+        GroundNode {
+            node: LocalNode::new(&mut Source { parts, resumed: None, stops: StopsSettings::default() }),
+        }
     }
 
     /// Gives the station, for the outcome of a run.

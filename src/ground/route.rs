@@ -5,11 +5,13 @@
 //!   bus ──Task, Hello of an operator──► station ──Request──► planner ──Answer──► station
 //!                       station ──Job──► imager ──Picture──► edge (log, files, dashboard), station
 //!                       station ──Memory──► edge (store)
+//!   bus ──Standing, leases──► stops ──which stops are open──► station      stops ──Standing──► bus, edge (disk)
 //! ```
 
-use tomoswarm_proto::{Message, RunId, Sender};
+use tomoswarm_proto::{Message, RunId, Sender, Standing};
 
 use super::{imager, planner, station};
+use crate::stops;
 
 /// What reaches the ground station from outside.
 #[derive(Clone, Debug)]
@@ -37,6 +39,10 @@ pub enum Effect {
     },
     /// The store shall close a run.
     EndRun(RunId),
+    /// These emergency stops shall outlive the software, in place of those that did before.
+    KeepStops(Standing),
+    /// Emergency stops were opened or lifted: worth a line in the log.
+    StopsNote(stops::Remark),
     /// Something worth a line in the log.
     Note(station::Note),
 }
@@ -46,6 +52,8 @@ pub enum Effect {
 pub enum Output {
     /// From outside.
     Edge(Event),
+    /// By the keeper of the emergency stops.
+    Stops(stops::Out),
     /// By the station.
     Station(station::Out),
     /// By the planner.
@@ -57,6 +65,8 @@ pub enum Output {
 /// Where it goes.
 #[derive(Debug)]
 pub enum Destination {
+    /// To the keeper of the emergency stops.
+    Stops(stops::In),
     /// To the station.
     Station(station::In),
     /// To the planner.
@@ -70,8 +80,8 @@ pub enum Destination {
 /// Says where something goes.
 pub(crate) fn route(output: Output, to: &mut Vec<Destination>) {
     let next = match output {
-        // What the station decides by names its author itself.
-        Output::Edge(Event::Bus(_, message)) => Destination::Station(station::In::Bus(message)),
+        Output::Edge(Event::Bus(sender, message)) => return route_message(sender, message, to),
+        Output::Stops(out) => return route_stops(out, to),
         Output::Station(station::Out::Publish(message)) => Destination::Edge(Effect::Publish(message)),
         Output::Station(station::Out::Ask(request)) => Destination::Planner(request),
         Output::Station(station::Out::Reconstruct(job)) => Destination::Imager(job),
@@ -89,4 +99,41 @@ pub(crate) fn route(output: Output, to: &mut Vec<Destination>) {
         }
     };
     to.push(next);
+}
+
+fn route_message(sender: Sender, message: Message, to: &mut Vec<Destination>) {
+    let lease = match &message {
+        Message::Standing(standing) => {
+            return to.push(Destination::Stops(stops::In::Standing(sender, standing.clone())));
+        }
+        Message::Hello(hello) => hello.lease,
+        Message::Report(report) => Some(report.lease),
+        Message::Plan(plan) => Some(plan.lease),
+        Message::State(_)
+        | Message::Tile(_)
+        | Message::Digest(_)
+        | Message::Want(_)
+        | Message::Mission(_)
+        | Message::Order(_)
+        | Message::Samples(_)
+        | Message::Have(_)
+        | Message::Beacon(_)
+        | Message::Health(_)
+        | Message::Task(_)
+        | Message::Image(_) => None,
+    };
+    to.extend(lease.map(|lease| Destination::Stops(stops::In::Lease(lease))));
+    // What the station decides by names its author itself.
+    to.push(Destination::Station(station::In::Bus(message)));
+}
+
+fn route_stops(out: stops::Out, to: &mut Vec<Destination>) {
+    to.push(match out {
+        stops::Out::Open(open) => Destination::Station(station::In::Stops(open)),
+        // A ground station waits for nobody's word before it plans.
+        stops::Out::Heard(_) => return,
+        stops::Out::Publish(standing) => Destination::Edge(Effect::Publish(Message::Standing(standing))),
+        stops::Out::Remember(standing) => Destination::Edge(Effect::KeepStops(standing)),
+        stops::Out::Remark(remark) => Destination::Edge(Effect::StopsNote(remark)),
+    });
 }

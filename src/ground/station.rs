@@ -251,8 +251,8 @@ impl Station {
                 self.lease_changed(now, change, out);
             }
             Message::Task(task) => self.take_task(&task),
-            // What an operator orders shows in State; the rest is said by grounds, or the bus's and the radio's
-            // business. Nothing is done yet about open stops.
+            // What an operator orders shows in State, which stops are open comes from their keeper; the rest is said by
+            // grounds, or the bus's and the radio's business.
             Message::Order(_)
             | Message::Have(_)
             | Message::Health(_)
@@ -477,6 +477,10 @@ impl Actor for Station {
         match input {
             In::Bus(message) => self.hear(now, message, out),
             In::Planned(answer) => self.planned(now, answer, out),
+            In::Stops(open) => {
+                self.fleet.stop(&open);
+                self.look_after_standing(now, out);
+            }
             In::Pictured(name) => self.pictured(name),
         }
         self.be_silent(first, out);

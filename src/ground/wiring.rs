@@ -1,4 +1,4 @@
-//! The three actors of the ground station and how they are wired, for every runtime; who hears whom says
+//! The four actors of the ground station and how they are wired, for every runtime; who hears whom says
 //! [`super::route`].
 //!
 //! Planner and imager may think for seconds; a fault of theirs is mended by a fresh one. A fault of the station ends the
@@ -10,6 +10,7 @@ use super::planner::Planner;
 use super::route::{Destination, Effect, Event, Output, route};
 use super::station::Station;
 use crate::actor::{ActingTime, Fill, Place, Recipient, RestartPolicy, Visitor, Wire, Wiring};
+use crate::stops::{Stops, StopsSettings};
 
 /// How a ground station is wired.
 #[derive(Debug)]
@@ -18,6 +19,7 @@ pub enum GroundWiring {}
 /// A place for each actor of the ground station.
 #[derive(Clone, Debug)]
 pub struct Actors<P: Place<GroundWiring>> {
+    pub(crate) stops: P::Of<Stops>,
     pub(crate) station: P::Of<Station>,
     pub(crate) planner: P::Of<Planner>,
     pub(crate) imager: P::Of<Imager>,
@@ -30,6 +32,8 @@ pub struct Source {
     pub parts: GroundParts,
     /// A station that goes on where an earlier one was; it is taken for the first one.
     pub resumed: Option<Station>,
+    /// The emergency stops that its disk has kept.
+    pub stops: StopsSettings,
 }
 
 impl Source {
@@ -49,6 +53,13 @@ impl Wiring for GroundWiring {
 
     fn fill<P: Place<Self>>(fill: &mut impl Fill<Self, P>) -> Actors<P> {
         Actors {
+            stops: fill.actor(Wire {
+                name: "stops",
+                restart: RestartPolicy::StopNode,
+                acting: ActingTime::Instant,
+                make: |source| Stops::new(&source.stops),
+                output: Output::Stops,
+            }),
             station: fill.actor(Wire {
                 name: "station",
                 restart: RestartPolicy::StopNode,
@@ -75,7 +86,8 @@ impl Wiring for GroundWiring {
 
     fn visit<P: Place<Self>>(actors: &mut Actors<P>, visitor: &mut impl Visitor<Self, P>) {
         // Taken apart, so that none can be forgotten.
-        let Actors { station, planner, imager } = actors;
+        let Actors { stops, station, planner, imager } = actors;
+        visitor.actor::<Stops>(stops);
         visitor.actor::<Station>(station);
         visitor.actor::<Planner>(planner);
         visitor.actor::<Imager>(imager);
@@ -95,6 +107,7 @@ impl Wiring for GroundWiring {
         carry_out: &mut impl FnMut(Effect),
     ) {
         match destination {
+            Destination::Stops(input) => P::tell::<Stops>(&mut actors.stops, input),
             Destination::Station(input) => P::tell::<Station>(&mut actors.station, input),
             Destination::Planner(input) => P::tell::<Planner>(&mut actors.planner, input),
             Destination::Imager(input) => P::tell::<Imager>(&mut actors.imager, input),

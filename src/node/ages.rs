@@ -24,11 +24,15 @@ impl Ages {
         }
     }
 
-    /// Tells whether what answers a state is fresh; of a number left out, by the state noted before it.
+    /// Returns whether what answers a state is fresh; of a number left out, by the state noted before it.
     pub fn is_fresh(&self, now: Time, answers: u64) -> bool {
-        let is_made = self.made.back().is_some_and(|(newest, _)| *newest >= answers);
-        let noted = self.made.iter().rev().find(|(sequence, _)| *sequence <= answers);
-        is_made && noted.is_some_and(|(_, at)| now.since(*at) <= ANSWERS_WITHIN)
+        self.made_at(answers).is_some_and(|at| now.since(at) <= ANSWERS_WITHIN)
+    }
+
+    /// Returns when a state was made, as far as that is remembered; of a number left out, the one noted before it.
+    pub fn made_at(&self, sequence: u64) -> Option<Time> {
+        self.made.back().filter(|(newest, _)| *newest >= sequence)?;
+        self.made.iter().rev().find(|(noted, _)| *noted <= sequence).map(|(_, at)| *at)
     }
 }
 

@@ -3,7 +3,7 @@
 
 use std::time::Duration;
 
-use tomoswarm_proto::{Boot, VehicleId};
+use tomoswarm_proto::{Boot, Standing, VehicleId};
 
 use super::memory::Memory;
 use super::settings::{BodySettings, LookSettings, RadioSettings, Settings, Task};
@@ -12,6 +12,8 @@ use crate::geom::{Angle, Lattice, Point};
 
 /// How long a search for a path takes in real time beyond the search itself, which has run by then.
 const PATH_TIME: Duration = Duration::from_millis(1);
+/// A vehicle that was started listens so long before it may be started out.
+const LISTENS_FOR: Duration = Duration::from_secs(2);
 
 impl Settings {
     /// Returns what a vehicle is told by a simulation's file; `boot` counts the starts of its software. It remembers nothing.
@@ -61,6 +63,8 @@ impl Told<'_> {
             vehicle,
             boot,
             memory: Memory::default(),
+            stops: Standing::default(),
+            listens_for: LISTENS_FOR,
             fence: self.venue.fence.clone(),
             home,
             lattice: Lattice::new(self.venue.cell_m),

@@ -2,7 +2,8 @@
 //!
 //! It is told what the radio driver heard or could not send, where the vehicle is, how far the mission is, and for which
 //! run to measure. It says
-//! beacons, samples, and what peers' beacons tell. It never waits for the bus: a gap costs samples, nothing else.
+//! beacons, samples, and what peers' beacons tell. It never waits for the bus: a gap costs samples, nothing else. Its
+//! beacons name an emergency stop that is open, and go out without a place too.
 //!
 //! Beacons are numbered without gaps, so that a gap is a miss: data of a link that was too weak. A beacon that never went
 //! on the air gives its number back; one that comes twice, or after a newer one, is no news. What was called missed when
@@ -23,7 +24,9 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
-use tomoswarm_proto::{BEACON_MEMBERS_MAX, Beacon, Boot, PoseReport, Progress, RunId, Sample, VehicleId};
+use tomoswarm_proto::{
+    BEACON_MEMBERS_MAX, Beacon, Boot, EmergencyStop, PoseReport, Progress, RunId, Sample, VehicleId,
+};
 
 use super::place::Place;
 use super::{OwnState, Settings};
@@ -64,6 +67,8 @@ pub enum In {
     Progress(Progress),
     /// For which run to measure; `None` = not at all.
     Measure(Option<RunId>),
+    /// Which emergency stops are open.
+    Stops(Vec<EmergencyStop>),
 }
 
 /// What the radio actor can say.
@@ -75,6 +80,8 @@ pub enum Out {
     Sample(RunId, Sample),
     /// What a peer's beacon tells of it.
     Peer(Sighting),
+    /// A peer's beacon names an emergency stop.
+    Stop(VehicleId, EmergencyStop),
 }
 
 /// What a beacon tells of its sender, whatever it was measured for.
@@ -96,6 +103,8 @@ pub struct Radio {
     is_armed: bool,
     progress: Progress,
     measures: Option<RunId>,
+    /// The emergency stops that are open; each beacon names one of them.
+    stops: Vec<EmergencyStop>,
     /// When each member was last heard, or heard of.
     members: BTreeMap<VehicleId, Time>,
     heard: BTreeMap<VehicleId, Last>,
@@ -129,6 +138,7 @@ impl Radio {
         let slot_at = Time::ZERO + settings.radio.slot * (1 + u32::from(settings.vehicle.0));
         Radio {
             place: Place::unknown(settings.swarm.pose_sd_max_m),
+            stops: settings.stops.open.clone(),
             settings,
             is_at_rest: false,
             is_armed: false,
@@ -162,6 +172,7 @@ impl Radio {
         if beacon.members.contains(&own) {
             self.listed_at = Some(now);
         }
+        out.extend(beacon.stop.map(|stop| Out::Stop(beacon.sender, stop)));
         let progress = VehicleProgress::of(beacon.sender, beacon.boot, beacon.progress);
         out.push(Out::Peer(Sighting { pose: beacon.pose, progress }));
         self.sample(now, &beacon, heard.rssi_dbm, out);
@@ -204,6 +215,13 @@ impl Radio {
         let mut members: Vec<VehicleId> = lately.into_iter().map(|(_, id)| id).collect();
         members.sort_unstable();
         members
+    }
+
+    /// Returns the open stop that the next beacon names: one after the other.
+    fn named_stop(&self) -> Option<EmergencyStop> {
+        let count = u32::try_from(self.stops.len()).unwrap_or(u32::MAX);
+        let index = self.sequence.checked_rem(count)?;
+        self.stops.get(index as usize).copied()
     }
 
     /// Gives how long to wait after a member has spoken: its distance in the ring, in slots.
@@ -325,6 +343,7 @@ impl Actor for Radio {
             }
             In::Progress(progress) => self.progress = progress,
             In::Measure(run) => self.measures = run,
+            In::Stops(open) => self.stops = open,
         }
         Ok(())
     }
@@ -338,13 +357,12 @@ impl Actor for Radio {
         let ring = self.members.len() as u32 + 1;
         let silence = self.settings.radio.slot * (ring + 1);
         self.slot_at = now + silence - self.jitter();
-        let Some(pose) = self.place.pose(now) else { return Ok(()) };
         self.sequence = self.sequence.saturating_add(1);
         out.push(Out::Transmit(Beacon {
             sender: self.settings.vehicle,
             boot: self.settings.boot,
             sequence: self.sequence,
-            pose: Some(pose.into()),
+            pose: self.place.pose(now).map(Into::into),
             channel: self.settings.radio.channel,
             power_dbm: self.settings.radio.power_dbm,
             is_at_rest: self.is_at_rest,
@@ -352,7 +370,7 @@ impl Actor for Radio {
             is_airborne: false,
             members: self.heard_lately(now),
             progress: self.progress,
-            stop: None,
+            stop: self.named_stop(),
             tag: None,
         }));
         Ok(())
@@ -368,6 +386,7 @@ impl Input for In {
             In::State(_) => Class::Latest(0),
             In::Progress(_) => Class::Latest(1),
             In::Measure(_) => Class::Latest(2),
+            In::Stops(_) => Class::Latest(3),
         }
     }
 }
@@ -504,7 +523,7 @@ mod tests {
                 Out::Sample(_, sample) => {
                     Some((sample.sequence, sample.transmitter_pose.at.x_m(), sample.rssi_dbm))
                 }
-                Out::Transmit(_) | Out::Peer(_) => None,
+                Out::Transmit(_) | Out::Peer(_) | Out::Stop(..) => None,
             })
             .collect();
         assert_eq!(samples, [(0, 0.0, Some(-61)), (1, 1.0, None), (2, 2.0, None), (3, 3.0, Some(-61))]);
@@ -572,7 +591,7 @@ mod tests {
             .iter()
             .filter_map(|out| match out {
                 Out::Sample(_, sample) => Some(sample.receiver_pose.at.y_m()),
-                Out::Transmit(_) | Out::Peer(_) => None,
+                Out::Transmit(_) | Out::Peer(_) | Out::Stop(..) => None,
             })
             .collect();
         assert_eq!(receivers, [0.0, 1.0, 2.0, 3.0]);
@@ -624,7 +643,7 @@ mod tests {
             Out::Sample(_, sample) => {
                 Some((sample.transmitter_pose.at.x_m().round() as u32, sample.rssi_dbm.is_some()))
             }
-            Out::Transmit(_) | Out::Peer(_) => None,
+            Out::Transmit(_) | Out::Peer(_) | Out::Stop(..) => None,
         };
         beacons.iter().flat_map(one).filter_map(of).collect()
     }

@@ -11,13 +11,16 @@
 //!  radio ──what peers' beacons tell──► mission, vehicle      bus ──whoever is heard──► mission
 //!  bus ──Order, peers' State──► vehicle ──Order (once it may be obeyed)──► mission
 //!  vehicle, mission ──Remember──► disk ──Remembered──► vehicle, mission
+//!  bus ──Standing, Order──► stops ──which stops are open──► vehicle, mission, radio      stops ──Standing──► bus, disk
+//!  radio ──a peer's beacon names a stop──► stops
 //! ```
 
-use tomoswarm_proto::{Beacon, Boot, Message, RunId, Sample, Sender};
+use tomoswarm_proto::{Beacon, Boot, Message, RunId, Sample, Sender, Standing};
 
 use super::memory::{Memory, Remembered};
 use super::{map, mission, outbox, radio, sensor, vehicle};
 use crate::geom::Angle;
+use crate::stops;
 
 /// What reaches a vehicle from outside.
 #[derive(Clone, Debug)]
@@ -76,6 +79,8 @@ pub enum Effect {
     Tally(outbox::Tally),
     /// This shall outlive the software, joined with what does already; the answer is an [`Event::Remembered`].
     Remember(Memory),
+    /// These emergency stops shall outlive the software, in place of those that did before.
+    KeepStops(Standing),
     /// Something worth a line in the log.
     Note(Note),
 }
@@ -87,6 +92,8 @@ pub enum Note {
     Vehicle(vehicle::Remark),
     /// The mission changed what it does.
     Mission(mission::Remark),
+    /// Emergency stops were opened or lifted.
+    Stops(stops::Remark),
 }
 
 /// Whatever is said inside a vehicle or at its edge.
@@ -94,6 +101,8 @@ pub enum Note {
 pub enum Output {
     /// From outside.
     Edge(Event),
+    /// By the keeper of the emergency stops.
+    Stops(stops::Out),
     /// By the vehicle actor.
     Vehicle(vehicle::Out),
     /// By the sensor.
@@ -111,6 +120,8 @@ pub enum Output {
 /// Where it goes.
 #[derive(Debug)]
 pub enum Destination {
+    /// To the keeper of the emergency stops.
+    Stops(stops::In),
     /// To the vehicle actor.
     Vehicle(vehicle::In),
     /// To the sensor.
@@ -146,6 +157,7 @@ pub(crate) fn route(output: Output, to: &mut Vec<Destination>) {
             to.push(Destination::Vehicle(vehicle::In::Remembered(remembered)));
             to.push(Destination::Mission(mission::In::Remembered(remembered)));
         }
+        Output::Stops(out) => route_stops(out, to),
         Output::Vehicle(out) => route_vehicle(out, to),
         Output::Sensor(sensor::Out::Steer(beam)) => to.push(Destination::Edge(Effect::Steer(beam))),
         Output::Sensor(sensor::Out::Ping(ping)) => to.push(Destination::Edge(Effect::Ping(ping))),
@@ -166,6 +178,7 @@ pub(crate) fn route(output: Output, to: &mut Vec<Destination>) {
             to.push(Destination::Vehicle(vehicle::In::Sighted(sighting)));
             to.push(Destination::Mission(mission::In::Sighted(sighting)));
         }
+        Output::Radio(radio::Out::Stop(by, stop)) => to.push(Destination::Stops(stops::In::Beacon(by, stop))),
         Output::Outbox(out) => to.push(Destination::Edge(outbox_effect(out))),
     }
 }
@@ -190,22 +203,47 @@ fn route_message(sender: Sender, message: Message, to: &mut Vec<Destination>) {
         Message::Tile(report) => to.push(Destination::Map(map::In::Tile(report))),
         Message::Digest(digest) => to.push(Destination::Map(map::In::Digest(digest))),
         Message::Want(want) => to.push(Destination::Map(map::In::Want(want))),
-        Message::Plan(plan) => to.push(Destination::Mission(mission::In::Plan(plan))),
+        Message::Plan(plan) => {
+            to.push(Destination::Stops(stops::In::Lease(plan.lease)));
+            to.push(Destination::Mission(mission::In::Plan(plan)));
+        }
         Message::Mission(mission) => {
             to.push(Destination::Mission(mission::In::Progress((&mission).into())));
         }
-        Message::Order(order) => to.push(Destination::Vehicle(vehicle::In::Order(order))),
+        Message::Order(order) => {
+            to.push(Destination::Stops(stops::In::Order(sender, order.clone())));
+            to.push(Destination::Vehicle(vehicle::In::Order(sender, order)));
+        }
+        Message::Standing(standing) => to.push(Destination::Stops(stops::In::Standing(sender, standing))),
+        Message::Hello(hello) => {
+            to.extend(hello.lease.map(|lease| Destination::Stops(stops::In::Lease(lease))));
+        }
+        Message::Report(report) => {
+            to.push(Destination::Stops(stops::In::Lease(report.lease)));
+        }
         Message::Have(have) => to.push(Destination::Outbox(outbox::In::Have(have))),
-        // Samples are the ground's business, images operators'; beacons come by radio; greetings are the bus's. Nothing
-        // is done yet about open stops and tasks.
+        // Samples are the ground's business, images operators'; beacons come by radio. Nothing is done yet about tasks.
         Message::Samples(_)
         | Message::Beacon(_)
-        | Message::Hello(_)
         | Message::Health(_)
-        | Message::Report(_)
-        | Message::Standing(_)
         | Message::Task(_)
         | Message::Image(_) => {}
+    }
+}
+
+fn route_stops(out: stops::Out, to: &mut Vec<Destination>) {
+    match out {
+        stops::Out::Open(open) => {
+            to.push(Destination::Vehicle(vehicle::In::Stops(open.clone())));
+            to.push(Destination::Mission(mission::In::Stops(open.clone())));
+            to.push(Destination::Radio(radio::In::Stops(open)));
+        }
+        stops::Out::Heard(by) => to.push(Destination::Vehicle(vehicle::In::Told(by))),
+        stops::Out::Publish(standing) => {
+            to.push(Destination::Edge(Effect::Publish(Message::Standing(standing))));
+        }
+        stops::Out::Remember(standing) => to.push(Destination::Edge(Effect::KeepStops(standing))),
+        stops::Out::Remark(remark) => to.push(Destination::Edge(Effect::Note(Note::Stops(remark)))),
     }
 }
 

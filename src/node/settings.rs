@@ -3,7 +3,7 @@
 use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
-use tomoswarm_proto::{Boot, VehicleId};
+use tomoswarm_proto::{Boot, Standing, VehicleId};
 
 use super::memory::Memory;
 use crate::config::{Safety, Swarm};
@@ -19,6 +19,10 @@ pub struct Settings {
     pub boot: Boot,
     /// What its earlier starts have left.
     pub memory: Memory,
+    /// The emergency stops that they knew.
+    pub stops: Standing,
+    /// How long it listens before it may be started.
+    pub listens_for: Duration,
     /// Where vehicles may be.
     pub fence: Polygon,
     /// Where it returns to.

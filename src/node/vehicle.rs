@@ -11,23 +11,26 @@
 //!
 //! Orders to stop are enforced here, not by the mission: an order to hold, to land or to return brakes at once, what the
 //! mission had decided before it is not driven any more, and nothing is driven while an order to hold or to land stands.
-//! After an emergency, or an order to land, a rover holds at once and is disarmed as soon as it rests; cutting the
-//! motors disarms it at once. A start arms it again. A stop and a disarming are said again until telemetry shows them.
+//! Under an open emergency stop (`emergency.rs`), or an order to land, a rover holds at once and is disarmed as soon as it
+//! rests; cutting the motors disarms it at once. A start arms it again. A stop and a disarming are said again until telemetry
+//! shows them. What sends a vehicle out answers a state of after it was stopped, and comes when it has listened long enough
+//! to know of every open stop (`readiness.rs`).
 //!
 //! An order is shown, handed on and, where it frees, obeyed once it is on the vehicle's disk; what stops or cuts the motors
 //! does so at once, and is written then (`orders.rs`). So a vehicle that is started anew obeys nothing lower than it has
 //! ever shown. It begins free all the same, and waits for a start.
 //!
-//! Four machines run side by side; each has its file, which alone writes its fields. Two say what the vehicle may do and
-//! what it was told to do. The others are drawn in their files: how far a disarming has come (`disarming.rs`), and
-//! whether the autopilot is heard (`last_telemetry.rs`).
+//! Six machines run side by side; each has its file, which alone writes its fields. Two say what orders leave standing and
+//! what the vehicle was told to do. The others are drawn in their files: what emergency stops do (`emergency.rs`), how far a
+//! disarming has come (`disarming.rs`), whether enough was heard to begin (`readiness.rs`), and whether the autopilot is
+//! heard (`last_telemetry.rs`).
 //!
 //! What orders leave standing (`restraint.rs`), at first nothing; a weaker order leads no way back:
 //!
 //! ```text
-//!   [Free] ──Hold──► [Held] ──Land──► [Landing] ──Emergency, CutMotors──► [Emergency]
-//!     ▲ └── Hold, Land, Emergency, CutMotors: from any to the one that they lead to here, if it lies to the right
-//!     └──── Start from any, Return from any but an emergency
+//!   [Free] ──Hold──► [Held] ──Land──► [Landing] ──CutMotors──► [MotorsCut]
+//!     ▲ └── Hold, Land, CutMotors: from any to the one that they lead to here, if it lies to the right
+//!     └──── Start from any, Return from any but MotorsCut
 //! ```
 //!
 //! What the vehicle was told about moving (`movement.rs`), at first nothing. An accepted command and a stop lead from any
@@ -45,10 +48,12 @@
 //! Deadline: `telemetry silent`.
 
 mod disarming;
+mod emergency;
 mod envelope;
 mod last_telemetry;
 mod movement;
 mod orders;
+mod readiness;
 mod reflex;
 mod report;
 mod restraint;
@@ -57,11 +62,15 @@ mod words;
 use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
-use tomoswarm_proto::{Order, Revision, RunId, StandReason, State, VehicleId};
+use tomoswarm_proto::{
+    EmergencyStop, Order, OrderKind, Revision, RunId, Sender, StandReason, State, VehicleId,
+};
 
+use self::emergency::Emergency;
 use self::last_telemetry::LastTelemetry;
 use self::movement::Movement;
 use self::orders::{Accepted, Orders};
+use self::readiness::Readiness;
 use self::reflex::Reflex;
 use self::report::Reports;
 use super::memory::{Memory, Remembered};
@@ -71,6 +80,7 @@ use super::sensor::Scan;
 use super::{OwnState, Settings};
 use crate::actor::{Actor, Class, Fault, Input};
 use crate::geom::{Point, Vector};
+use crate::stops::first_that_stops;
 use crate::time::{Deadline, Time};
 
 pub use orders::join_orders;
@@ -92,8 +102,12 @@ pub enum In {
     Command(Time, Command),
     /// Why the mission stands still on its own until something changes, if it does.
     Holds(Option<StandReason>),
-    /// What an operator wants.
-    Order(Order),
+    /// What an operator or the ground station wants.
+    Order(Sender, Order),
+    /// Which emergency stops are open.
+    Stops(Vec<EmergencyStop>),
+    /// A node has told which emergency stops are open.
+    Told(Sender),
     /// The state of another vehicle.
     Peer(State),
     /// What a beacon tells of another vehicle.
@@ -128,6 +142,8 @@ pub struct Vehicle {
     telemetry: LastTelemetry,
     movement: Movement,
     orders: Orders,
+    emergency: Emergency,
+    readiness: Readiness,
     reflex: Reflex,
     peers: Peers,
     reports: Reports,
@@ -136,9 +152,13 @@ pub struct Vehicle {
 impl Vehicle {
     /// Makes the actor of a vehicle that has not yet heard its autopilot.
     pub fn new(settings: Settings) -> Vehicle {
+        let mut emergency = Emergency::default();
+        emergency.take(Time::ZERO, first_that_stops(&settings.stops.open, settings.vehicle));
         Vehicle {
             peers: Peers::new(settings.vehicle),
             orders: Orders::remembering(settings.memory),
+            emergency,
+            readiness: Readiness::default(),
             settings,
             telemetry: LastTelemetry::default(),
             movement: Movement::default(),
@@ -154,7 +174,9 @@ impl Vehicle {
         if self.movement.is_stop_due_again(now, telemetry.motion) {
             self.stop(now, out);
         }
-        out.extend(self.orders.take(now, &telemetry).map(Out::Fly));
+        let motors = self.orders.take(now, &telemetry);
+        let disarms = self.emergency.disarms(now, &telemetry).then_some(Fly::Disarm);
+        out.extend(motors.or(disarms).map(Out::Fly));
         self.report(now, &telemetry, out);
     }
 
@@ -199,9 +221,11 @@ impl Vehicle {
         out.push(Out::Remark(Remark::Halted { ahead_m, bump }));
     }
 
-    fn order(&mut self, now: Time, order: Order, out: &mut Vec<Out>) {
-        let is_answer = self.reports.is_answer(now, self.settings.boot, order.seen);
-        if order.vehicle != self.settings.vehicle || !self.orders.accepts(&order, is_answer) {
+    fn order(&mut self, now: Time, sender: Sender, order: Order, out: &mut Vec<Out>) {
+        let is_answer =
+            self.reports.is_answer(now, self.settings.boot, order.seen, self.orders.answers_from());
+        let is_own = order.vehicle == self.settings.vehicle;
+        if !is_own || !self.orders.accepts(&order, is_answer) || !self.may_begin(now, sender, order.kind) {
             return;
         }
         if self.orders.awaits_disk(&order) {
@@ -218,11 +242,41 @@ impl Vehicle {
 
     /// Obeys the order that has waited for the disk, if it need not any more.
     fn obey(&mut self, now: Time, out: &mut Vec<Out>) {
-        let (reports, boot) = (&self.reports, self.settings.boot);
-        let is_answer = |order: &Order| reports.is_answer(now, boot, order.seen);
+        let (reports, boot, from) = (&self.reports, self.settings.boot, self.orders.answers_from());
+        let is_answer = |order: &Order| reports.is_answer(now, boot, order.seen, from);
         let Some((order, motors)) = self.orders.obey(now, is_answer) else { return };
+        if order.kind == OrderKind::Start {
+            self.emergency.start();
+        }
         out.extend(motors.map(Out::Fly));
         out.push(Out::Order(order));
+    }
+
+    /// Returns whether an order may send the vehicle out, if that is what it does: no emergency stop stands in the way, and
+    /// it has listened long enough.
+    fn may_begin(&mut self, now: Time, sender: Sender, kind: OrderKind) -> bool {
+        match kind {
+            OrderKind::Hold | OrderKind::Land | OrderKind::CutMotors => true,
+            OrderKind::Return => {
+                !self.emergency.stands() && self.readiness.look(now, self.settings.listens_for, &self.peers)
+            }
+            OrderKind::Start => {
+                let is_of_operator = matches!(sender, Sender::Operator(_));
+                self.emergency.lets_start(is_of_operator)
+                    && self.readiness.look(now, self.settings.listens_for, &self.peers)
+            }
+        }
+    }
+
+    /// Takes which emergency stops are open: it brakes at once for one, and for the lifting of all it does nothing.
+    fn stops(&mut self, now: Time, open: &[EmergencyStop], out: &mut Vec<Out>) {
+        let was_stopped = self.emergency.stop().is_some();
+        if self.emergency.take(now, first_that_stops(open, self.settings.vehicle)) {
+            self.stop(now, out);
+            self.orders.hold(now);
+        } else if was_stopped && self.emergency.stop().is_none() {
+            self.orders.answer_from(now);
+        }
     }
 
     fn stop(&mut self, now: Time, out: &mut Vec<Out>) {
@@ -248,12 +302,20 @@ impl Actor for Vehicle {
             In::Scan(scan) => self.scan(now, &scan, out),
             In::Command(decided, command) => self.command(now, decided, command, out),
             In::Holds(holds) => self.reports.note_mission_holds(holds),
-            In::Order(order) => self.order(now, order, out),
+            In::Order(sender, order) => {
+                self.readiness.hear(now);
+                self.order(now, sender, order, out);
+            }
+            In::Stops(open) => self.stops(now, &open, out),
+            In::Told(by) => self.readiness.note_told(now, by),
             In::Peer(state) => {
+                self.readiness.hear(now);
                 self.peers.take(now, &state);
                 self.yield_to(now, state.vehicle, out);
             }
             In::Sighted(sighting) => {
+                // A beacon names a stop that is open, if there is one.
+                self.readiness.note_told(now, Sender::Vehicle(sighting.progress.vehicle));
                 self.peers.sight(now, &sighting);
                 self.yield_to(now, sighting.progress.vehicle, out);
             }
@@ -307,7 +369,8 @@ impl Input for In {
             In::Scan(_) => Class::Queue,
             In::Command(..) => Class::Latest(Key::Command),
             In::Holds(_) => Class::Latest(Key::Holds),
-            In::Order(order) => Class::Latest(Key::Order(order.vehicle)),
+            In::Order(_, order) => Class::Latest(Key::Order(order.vehicle)),
+            In::Stops(_) | In::Told(_) => Class::Queue,
             In::Peer(state) => Class::Latest(Key::Peer(state.vehicle)),
             In::Sighted(sighting) => Class::Latest(Key::Sighted(sighting.progress.vehicle)),
             In::Accepted(..) => Class::Latest(Key::Accepted),
@@ -317,7 +380,11 @@ impl Input for In {
 
     fn join(unread: In, newer: In) -> In {
         match (unread, newer) {
-            (In::Order(unread), In::Order(newer)) => In::Order(join_orders(unread, newer)),
+            (In::Order(first, unread), In::Order(second, newer)) => {
+                let is_newer = newer.lease > unread.lease
+                    || newer.lease == unread.lease && newer.revision >= unread.revision;
+                In::Order(if is_newer { second } else { first }, join_orders(unread, newer))
+            }
             (In::Peer(unread), In::Peer(newer)) => In::Peer(join_states(unread, newer)),
             (_, newer) => newer,
         }

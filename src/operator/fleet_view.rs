@@ -2,16 +2,19 @@
 //! came. Pure and bounded: a vehicle's number is one byte, and of ground stations only the newest few are kept. It judges
 //! nothing.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
 use tomoswarm_proto::codec::{Greeting, VERSION};
 use tomoswarm_proto::{
-    Boot, Health, Hello, Lease, Message, Mission, OperatorId, Report, Sender, State, VehicleId,
+    Boot, EmergencyName, EmergencyStop, Health, Hello, Lease, Message, Mission, OperatorId, Report, Sender,
+    StandReason, Standing, State, StopScope, VehicleId,
 };
 
 use super::Heard;
+use super::names::listed;
+use crate::stops::StopSet;
 use crate::sweep::LOWER_BOOT_AFTER;
 use crate::time::Time;
 
@@ -72,6 +75,10 @@ pub struct FleetView {
     foreign: BTreeMap<Sender, Greeting>,
     /// Operators by number and instance: when each greeted first, and last.
     operators: BTreeMap<OperatorId, BTreeMap<u64, (Time, Time)>>,
+    /// Which emergency stops every node says that it knows.
+    standing: BTreeMap<Sender, Fresh<Standing>>,
+    /// All of them, joined.
+    stops: StopSet,
 }
 
 impl FleetView {
@@ -79,7 +86,7 @@ impl FleetView {
     pub fn hear(&mut self, now: Time, heard: &Heard) {
         match heard {
             Heard::Greeting(greeting, hello) => self.greeting(now, greeting, hello.as_ref()),
-            Heard::Message(_, message) => self.message(now, message),
+            Heard::Message(sender, message) => self.message(now, *sender, message),
             Heard::Unknown(_) => {}
         }
     }
@@ -88,7 +95,8 @@ impl FleetView {
     /// software and the same order as the one before does not.
     pub fn is_news(&self, heard: &Heard) -> bool {
         let Heard::Message(_, Message::State(state)) = heard else { return true };
-        let key = |state: &State| (state.boot, state.ordered, state.accepted);
+        let key =
+            |state: &State| (state.boot, state.ordered, state.accepted, state.stands_under, state.is_at_rest);
         self.state(state.vehicle).is_none_or(|known| key(&known.value) != key(state))
     }
 
@@ -165,6 +173,46 @@ impl FleetView {
         obeyed.chain(held).max().unwrap_or_default()
     }
 
+    /// Returns the emergency stops that any node says to be open and none to be lifted, ascending by name.
+    pub fn open_stops(&self) -> Vec<EmergencyStop> {
+        self.stops.open().copied().collect()
+    }
+
+    /// Returns an open stop in words: whom it stops, who made it, and who of these vehicles does not show it.
+    pub fn stop_in_words(&self, stop: &EmergencyStop, vehicles: &BTreeSet<VehicleId>) -> String {
+        let concerns = |id: &&VehicleId| stop.scope == StopScope::All || stop.scope == StopScope::One(**id);
+        let shows = |id: &VehicleId| self.shows_stop(*id, stop.name) || self.is_under_a_stop(*id);
+        let whom = match stop.scope {
+            StopScope::All => "all vehicles".to_owned(),
+            StopScope::One(vehicle) => format!("vehicle {vehicle}"),
+        };
+        let not_shown: Vec<VehicleId> =
+            vehicles.iter().filter(concerns).filter(|id| !shows(id)).copied().collect();
+        let shown = match not_shown.is_empty() {
+            true => "shown by all of them".to_owned(),
+            false => format!("not shown by vehicle {}", listed(&not_shown)),
+        };
+        format!("{} for {whom}, by operator {}, {shown}", stop.name, stop.by)
+    }
+
+    fn is_under_a_stop(&self, id: VehicleId) -> bool {
+        let stands_under = self.state(id).and_then(|state| state.value.stands_under);
+        matches!(stands_under, Some(StandReason::Stop(_)))
+    }
+
+    /// Returns when a node said last which stops it knows; `None` = it never has.
+    pub fn standing_at(&self, node: Sender) -> Option<Time> {
+        self.standing.get(&node).map(|standing| standing.at)
+    }
+
+    /// Returns whether a vehicle shows that it stands under a stop, in its state or by saying that it knows it.
+    pub fn shows_stop(&self, id: VehicleId, name: EmergencyName) -> bool {
+        let is_shown = |standing: &Fresh<Standing>| standing.value.open.iter().any(|stop| stop.name == name);
+        let is_in_state =
+            self.state(id).is_some_and(|state| state.value.stands_under == Some(StandReason::Stop(name)));
+        is_in_state || self.standing.get(&Sender::Vehicle(id)).is_some_and(is_shown)
+    }
+
     /// Forgets the states that came before a moment, as if those vehicles had not been heard.
     pub fn forget_states_before(&mut self, moment: Time) {
         for seen in self.vehicles.values_mut() {
@@ -196,8 +244,12 @@ impl FleetView {
         }
     }
 
-    fn message(&mut self, now: Time, message: &Message) {
+    fn message(&mut self, now: Time, sender: Sender, message: &Message) {
         match message {
+            Message::Standing(standing) => {
+                self.stops.join(standing);
+                self.standing.insert(sender, Fresh { at: now, value: standing.clone() });
+            }
             Message::State(state) => {
                 let seen = self.vehicles.entry(state.vehicle).or_default();
                 renew(&mut seen.state, now, state, |state| (state.boot, state.sequence));
@@ -220,7 +272,6 @@ impl FleetView {
             | Message::Samples(_)
             | Message::Have(_)
             | Message::Beacon(_)
-            | Message::Standing(_)
             | Message::Task(_)
             | Message::Image(_) => {}
         }

@@ -3,7 +3,8 @@
 //!
 //! [`operator_actor`] is the actor: it keeps a [`fleet_view`] of everyone, brings each want about by an [`ordering`], gives
 //! tasks ([`given_tasks`]), and follows a [`script`]; [`wiring`] makes a node of it. [`status`] and [`preflight`] judge what
-//! is known. An operator says nothing but its greeting, tasks and orders.
+//! is known. Emergency stops
+//! are given by [`stopping`]. An operator says nothing but its greeting, tasks, orders, and which stops stand.
 
 pub mod fleet_view;
 pub mod given_tasks;
@@ -14,6 +15,7 @@ pub mod outcome;
 pub mod preflight;
 pub mod script;
 pub mod status;
+pub mod stopping;
 #[cfg(test)]
 pub(crate) mod tests_support;
 pub mod want;

@@ -15,7 +15,6 @@ pub fn kind_name(kind: OrderKind) -> &'static str {
         OrderKind::Hold => "hold",
         OrderKind::Return => "return",
         OrderKind::Land => "land",
-        OrderKind::Emergency => "emergency",
         OrderKind::CutMotors => "cut-motors",
     }
 }
@@ -32,7 +31,7 @@ pub fn mode(mode: Mode) -> &'static str {
         Mode::Climbing => "climbing",
         Mode::Landing => "landing",
         Mode::Stopped => "STOPPED",
-        Mode::Emergency => "EMERGENCY",
+        Mode::MotorsCut => "MOTORS CUT",
     }
 }
 

@@ -4,7 +4,7 @@
 //! cue was done. It says orders, every 100 ms until State shows them, tasks, every 5 s until a Report shows them, and its
 //! greeting, every 2 s, or every second while it holds a lease; and how wants and the script ended.
 //! It draws nothing (its holder id is given), decides nothing for a vehicle, and hears no answers: what it waits for is
-//! State.
+//! State. An emergency stop that is wanted it names and hands to the keeper of the stops ([`super::stopping`]).
 //!
 //! ```text
 //!           Want                    every State shows it, by hand
@@ -26,7 +26,9 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
-use tomoswarm_proto::{Hello, Lease, Message, VehicleId};
+use tomoswarm_proto::{
+    EmergencyName, EmergencyStop, Hello, Lease, Message, OperatorId, Sender, StopScope, VehicleId,
+};
 
 use super::Heard;
 use super::fleet_view::FleetView;
@@ -34,8 +36,10 @@ use super::given_tasks::GivenTasks;
 use super::ordering::{Instruction, Ordering};
 use super::outcome::Outcome;
 use super::script::{LastWant, ScriptDue, ScriptEnd, ScriptOut, ScriptRun, Sight, Step};
-use super::want::{Want, WantId};
+use super::stopping::Stopping;
+use super::want::{StopWish, Want, WantId};
 use crate::actor::{Actor, Class, Fault, Input};
+use crate::stops;
 use crate::time::{Deadline, Time};
 
 /// It greets this often.
@@ -58,8 +62,6 @@ pub struct OperatorSettings {
     pub holder: u64,
     /// Vehicles that are there though they may not be heard.
     pub expected: BTreeSet<VehicleId>,
-    /// Vehicles that might be there besides; an emergency goes to them too.
-    pub possible: BTreeSet<VehicleId>,
 }
 
 /// What the operator can be told.
@@ -71,6 +73,8 @@ pub enum In {
     Linked(bool),
     /// What is wanted by hand, under a number of its own.
     Want(u32, Want),
+    /// An emergency stop that is wanted by hand, under a number of its own.
+    Stop(u32, StopWish),
     /// What is not wanted by hand any more.
     Withdraw(u32),
     /// A script to follow from now on; one that is followed already ends.
@@ -84,6 +88,10 @@ pub enum In {
 pub enum Out {
     /// To everyone on the bus.
     Publish(Message),
+    /// To the keeper of the emergency stops: these are given.
+    Give(Vec<EmergencyStop>),
+    /// Emergency stops were opened or lifted: worth a line.
+    StopsNote(stops::Remark),
     /// Every vehicle shows a want of the script, which goes on standing.
     InForce(WantId, Outcome),
     /// A want is over.
@@ -98,7 +106,8 @@ impl Out {
     /// Returns a line for people of what was brought about; `None` of what is for somebody else.
     pub fn in_words(&self) -> Option<String> {
         match self {
-            Out::Publish(_) | Out::Cue(_) => None,
+            Out::Publish(_) | Out::Cue(_) | Out::Give(_) => None,
+            Out::StopsNote(remark) => Some(remark.to_string()),
             Out::InForce(want, outcome) => {
                 Some(format!("{want}, run {}, is in force", outcome.run.unwrap_or_default()))
             }
@@ -121,6 +130,9 @@ pub struct Operator {
     /// When it greeted last, and the lease that it named.
     greeted: Option<(Time, Option<Lease>)>,
     wants: BTreeMap<WantId, Pursuit>,
+    stops: BTreeMap<WantId, Stopping>,
+    /// Names of emergency stops drawn so far.
+    names: u32,
     tasks: GivenTasks,
     script: Option<ScriptRun>,
     last_want: LastWant,
@@ -163,6 +175,8 @@ impl Operator {
             linked: None,
             greeted: None,
             wants: BTreeMap::new(),
+            stops: BTreeMap::new(),
+            names: 0,
             tasks: GivenTasks::default(),
             script: None,
             last_want: LastWant::Open,
@@ -210,20 +224,72 @@ impl Operator {
     }
 
     fn instruction(&self, want: &Want) -> Instruction {
-        let Want { kind, vehicles, run, begins, take_over, within } = want.clone();
-        let OperatorSettings { hello, greets: _, holder, expected, possible } = self.settings.clone();
+        let Want { kind, vehicles, run, begins, take_over, although_unheard, lifts_many, within } =
+            want.clone();
+        let OperatorSettings { hello, greets: _, holder, expected } = self.settings.clone();
         let (venue_hash, timeout) = (hello.venue_hash, within);
         Instruction {
             kind,
             begins,
             vehicles,
             expected,
-            possible,
             run,
             take_over,
             holder,
             venue_hash,
+            although_unheard,
+            lifts_many,
             timeout,
+        }
+    }
+
+    /// Gives an emergency stop: what is still on its way to these vehicles is not wanted any more.
+    fn stop(&mut self, now: Time, id: WantId, wish: StopWish, out: &mut Vec<Out>) {
+        for pursuit in self.wants.values_mut().filter(|pursuit| !pursuit.is_in_force) {
+            pursuit.ordering.withdraw(now, &wish.vehicles);
+        }
+        self.give_up(now, |_, pursuit| pursuit.ordering.is_withdrawn(now), out);
+        let scopes: Vec<StopScope> = match wish.vehicles.is_empty() {
+            true => vec![StopScope::All],
+            false => wish.vehicles.iter().map(|id| StopScope::One(*id)).collect(),
+        };
+        let stops: Vec<EmergencyStop> = scopes.into_iter().map(|scope| self.draw_stop(scope)).collect();
+        out.push(Out::Give(stops.clone()));
+        let has_listened = self.linked.is_some_and(|since| now.since(since) >= LISTEN);
+        let expected = self.settings.expected.clone();
+        self.stops.insert(id, Stopping::new(now, stops, wish, expected, has_listened));
+    }
+
+    /// Returns a stop with a name that nobody else draws (SplitMix64 over the holder's id).
+    fn draw_stop(&mut self, scope: StopScope) -> EmergencyStop {
+        let by = match self.settings.hello.node {
+            Sender::Operator(id) => id,
+            Sender::Ground | Sender::Vehicle(_) => OperatorId(0),
+        };
+        loop {
+            self.names = self.names.wrapping_add(1);
+            let mut mixed =
+                self.settings.holder.wrapping_add(u64::from(self.names).wrapping_mul(0x9E37_79B9_7F4A_7C15));
+            mixed = (mixed ^ (mixed >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
+            mixed = (mixed ^ (mixed >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
+            let name = EmergencyName((mixed >> 32) as u32);
+            if !name.is_many() {
+                return EmergencyStop { name, scope, by };
+            }
+        }
+    }
+
+    /// Looks who shows the stops that were given.
+    fn look_after_stops(&mut self, now: Time, out: &mut Vec<Out>) {
+        let (view, is_linked) = (&self.view, self.linked.is_some());
+        let mut over = Vec::new();
+        for (id, stopping) in &mut self.stops {
+            stopping.look(now, view, is_linked);
+            over.extend(stopping.outcome(now, view).map(|outcome| (*id, outcome)));
+        }
+        for (id, outcome) in over {
+            self.stops.remove(&id);
+            self.end(id, outcome, out);
         }
     }
 
@@ -252,12 +318,13 @@ impl Operator {
     fn turn(&mut self, now: Time, out: &mut Vec<Out>) {
         let mut said = Vec::new();
         self.pursue(now, &mut said);
+        self.look_after_stops(now, &mut said);
         self.follow_script(now, &mut said);
         // A lease that is taken is named before the first order under it.
         self.greet(now, out);
         out.append(&mut said);
         self.next = self.due_next(now);
-        let is_settled = self.wants.values().all(|pursuit| pursuit.is_settled(now));
+        let is_settled = self.stops.is_empty() && self.wants.values().all(|pursuit| pursuit.is_settled(now));
         self.settled = is_settled.then_some(now);
     }
 
@@ -346,7 +413,8 @@ impl Operator {
 
     fn due_next(&self, now: Time) -> Option<(Time, Due)> {
         let open = self.wants.values().filter(|pursuit| !pursuit.is_settled(now));
-        let orders = open.map(|pursuit| pursuit.ordering.next(now)).min();
+        let orders = open.map(|pursuit| pursuit.ordering.next(now));
+        let orders = orders.chain(self.stops.values().map(|stopping| stopping.next(now))).min();
         let greets = self.greeted.filter(|_| self.linked.is_some() && self.settings.greets);
         let script = self.script.as_ref().and_then(ScriptRun::deadline);
         let all = [
@@ -412,7 +480,13 @@ impl Actor for Operator {
                 self.linked = self.linked.filter(|_| is_linked).or(is_linked.then_some(now));
             }
             In::Want(number, want) => self.take_up(now, WantId::Hand(number), want, out),
-            In::Withdraw(number) => self.give_up(now, |id, _| id == WantId::Hand(number), out),
+            In::Stop(number, wish) => self.stop(now, WantId::Hand(number), wish, out),
+            In::Withdraw(number) => {
+                self.give_up(now, |id, _| id == WantId::Hand(number), out);
+                if let Some(stopping) = self.stops.remove(&WantId::Hand(number)) {
+                    self.end(WantId::Hand(number), stopping.outcome_so_far(now, &self.view), out);
+                }
+            }
             In::Follow(steps) => {
                 self.script = Some(ScriptRun::new(now, steps));
                 self.last_want = LastWant::Open;
@@ -465,7 +539,7 @@ impl Input for In {
             In::Bus(Heard::Message(_, Message::Report(report))) => Class::Latest(Key::Report(report.store)),
             In::Bus(Heard::Message(..) | Heard::Greeting(..) | Heard::Unknown(_)) => Class::Queue,
             In::Linked(_) => Class::Latest(Key::Linked),
-            In::Want(number, _) => Class::Latest(Key::Want(*number)),
+            In::Want(number, _) | In::Stop(number, _) => Class::Latest(Key::Want(*number)),
             In::Withdraw(number) => Class::Latest(Key::Withdraw(*number)),
             In::Follow(_) => Class::Latest(Key::Follow),
             In::CueDone => Class::Latest(Key::CueDone),
@@ -477,7 +551,13 @@ impl Input for In {
     fn join(unread: In, newer: In) -> In {
         let state = |input: &In| match input {
             In::Bus(Heard::Message(_, Message::State(state))) => Some((state.boot, state.sequence)),
-            In::Bus(_) | In::Linked(_) | In::Want(..) | In::Withdraw(_) | In::Follow(_) | In::CueDone => None,
+            In::Bus(_)
+            | In::Linked(_)
+            | In::Want(..)
+            | In::Stop(..)
+            | In::Withdraw(_)
+            | In::Follow(_)
+            | In::CueDone => None,
         };
         match (state(&unread), state(&newer)) {
             (Some(was), Some(is)) if was.0 == is.0 && was > is => unread,

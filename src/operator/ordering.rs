@@ -4,27 +4,27 @@
 //! ```text
 //!   unheard ──State──► issued ──State shows it──► obeyed
 //!      │                │  ▲ └─a higher order of another kind─► contested (a start that the ground brings about)
-//!      │ (emergency)    │  └── the echo has no kind: started anew   │ the ground stands by it      │ it does not
-//!      ▼                ▼                                           ▼                              ▼
-//!   sent blindly     sent again every 100 ms                      obeyed                       overruled
+//!                       │  └── the echo has no kind: started anew   │ the ground stands by it      │ it does not
+//!                       ▼                                           ▼                              ▼
+//!                    sent again every 100 ms                      obeyed                       overruled
 //! ```
 //!
 //! **By whose right.** The greatest lease that a State echoes or a live ground station's Report holds; where nobody holds
 //! one, number 1 with an own holder. With `take_over` the number after it with an own holder. The revision is the
 //! vehicle's echo + 1 within that lease, 1 in another one. To start or to return waits for a Report, or 1.5 s, so that the
-//! ground's lease is known; what makes a vehicle stop waits for nothing but its State.
+//! ground's lease is known; what makes a vehicle stop waits for nothing but its State. Nothing is sent to a vehicle that was
+//! not heard: it obeys only what is above its echo.
 //!
-//! **Emergencies** do not wait for a State either. A vehicle obeys only what is above its echo, so to one that was not heard
-//! within 100 ms the order goes under a lease that lies 1024 above the greatest number heard, then 2048, 4096 … with every
-//! 300 ms of silence, up to 2³¹; from there on with holder 0, which wins a tie, and with doubled revisions. Leases grow by
-//! one with a take-over, so the first one is obeyed unless that was done before. Nobody is locked out by it: who orders
-//! next reads this lease in State and goes on above it, a ground station that stood by takes the number after it, and
-//! above 2³¹ there is room for two thousand million take-overs.
+//! **Emergency stops.** Under an open stop a vehicle obeys neither Start nor Return. A start names the stops that are known to
+//! be open when it is first sent, and lifts them; what is opened later it does not lift. It waits until every vehicle has
+//! told what it knows, or 1.5 s; it is refused while a vehicle that it is for was not heard for 2 s, unless that one is
+//! named as one that may be unheard. What stands for many stops is lifted only when that is asked for. A return is refused
+//! while a stop is open. The stops themselves are given by [`super::stopping`].
 //!
 //! **Others.** Of the same lease, the stronger kind insists: a hold goes out again above a start that came in between,
 //! never the other way round. A ground station that begins what was started brings everyone to rest first: its Hold
 //! after our Start is no contradiction when its Report says that nothing stands. Whatever else is above ours has
-//! overruled it. An emergency gives way to nothing but the cutting of motors.
+//! overruled it.
 //!
 //! **Refused.** A start of a run while the ground station drives another one would be obeyed by every vehicle, and nothing
 //! would come of it: it is not sent. By hand it is over at once and names the run; an order that stands waits.
@@ -33,10 +33,10 @@
 //! was started anew since, until somebody has ordered something else, or a greater lease is in force than its own.
 //!
 //! **Started anew.** A vehicle remembers the highest order that it has obeyed, and shows it without its kind until it obeys
-//! another. Within the own lease the order goes above it; a greater lease has overruled it, unless it is an emergency.
+//! another. Within the own lease the order goes above it; a greater lease has overruled it.
 //!
 //! **Strangers.** Who greets with another venue file or wire version does not listen to this operator: it is named and not
-//! sent anything but an emergency, which it obeys whatever its venue file says.
+//! sent anything.
 
 mod delivery;
 
@@ -45,7 +45,8 @@ use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
 use tomoswarm_proto::{
-    Lease, Order, OrderKind, Report, Revision, RunId, SeenState, Sender, State, StationPhase, VehicleId,
+    EmergencyName, EmergencyStop, Lease, Order, OrderKind, Report, Revision, RunId, SeenState, Sender,
+    StandReason, State, StationPhase, StopScope, VehicleId,
 };
 
 use self::delivery::{CONTEST, Delivery, Issued};
@@ -58,17 +59,12 @@ use crate::time::Time;
 const REPEAT: Duration = Duration::from_millis(100);
 /// For so long everyone who is there, and the ground's lease, is listened for.
 const LISTEN: Duration = Duration::from_millis(1500);
-/// An emergency waits so long for a state at most, counted from when anyone can be reached.
-const BLIND_AFTER: Duration = Duration::from_millis(100);
-/// An emergency to somebody unheard rises this often.
-const RISES: Duration = Duration::from_millis(300);
 /// A vehicle whose newest state is older is not known to be there.
 const SILENT_AFTER: Duration = Duration::from_secs(2);
+/// The stops that one start lifts at most.
+const ENDS_MAX: usize = 8;
 /// So often a stronger order goes above a weaker one of the same lease.
 const INSIST: u32 = 3;
-/// The first step above the greatest lease heard of an emergency to somebody unheard, and where its numbers end.
-const FIRST_STEP: u32 = 10;
-const HIGHEST: u32 = 1 << 31;
 /// The last revision that may be given; one more is refused by everyone.
 const LAST_REVISION: u32 = u32::MAX - 1;
 
@@ -83,8 +79,6 @@ pub struct Instruction {
     pub vehicles: BTreeSet<VehicleId>,
     /// When it is for all: who is known to be there without being heard.
     pub expected: BTreeSet<VehicleId>,
-    /// Whoever might be there besides: an emergency goes to them too.
-    pub possible: BTreeSet<VehicleId>,
     /// In which run; `None` = as above.
     pub run: Option<RunId>,
     /// Whether a lease is taken from whoever holds it.
@@ -93,6 +87,10 @@ pub struct Instruction {
     pub holder: u64,
     /// Hash of the operator's venue file: who has another one does not listen to it.
     pub venue_hash: u64,
+    /// These may be unheard when a start lifts emergency stops.
+    pub although_unheard: BTreeSet<VehicleId>,
+    /// Whether a start also lifts what stands for many stops.
+    pub lifts_many: bool,
     /// When it is given up.
     pub timeout: Duration,
 }
@@ -109,6 +107,8 @@ pub struct Ordering {
     view: FleetView,
     deliveries: BTreeMap<VehicleId, Delivery>,
     run: Option<RunId>,
+    /// The emergency stops that it lifts, known when it was first sent.
+    ends: Option<Vec<EmergencyName>>,
     refused: Option<Refusal>,
     stands: bool,
     withdrawn: BTreeSet<VehicleId>,
@@ -125,6 +125,7 @@ impl Ordering {
             view: FleetView::default(),
             deliveries: BTreeMap::new(),
             run: None,
+            ends: None,
             refused: None,
             stands: false,
             withdrawn: BTreeSet::new(),
@@ -200,13 +201,15 @@ impl Ordering {
         if self.refused.is_some() {
             return Vec::new();
         }
+        if !self.knows_stops(now) {
+            return Vec::new();
+        }
         let mut due = Vec::new();
         for id in self.addressees(now) {
             self.settle(now, id);
-            if !self.is_emergency() && self.misfit(id).is_some() {
-                continue;
+            if self.misfit(id).is_none() {
+                due.extend(self.due(now, id));
             }
-            due.extend(self.due(now, id));
         }
         due
     }
@@ -225,12 +228,14 @@ impl Ordering {
     /// Returns what became of it once it is over.
     pub fn outcome(&self, now: Time) -> Option<Outcome> {
         let outcomes = self.outcomes(now);
-        let is_emergency = self.is_emergency();
         let is_open = |outcome: &VehicleOutcome| match outcome {
             VehicleOutcome::Ignored | VehicleOutcome::Unheard => true,
-            // In an emergency it may still obey.
-            VehicleOutcome::Foreign(_) => is_emergency,
-            VehicleOutcome::Obeyed { .. } | VehicleOutcome::Overruled(_) | VehicleOutcome::Withdrawn => false,
+            VehicleOutcome::Foreign(_)
+            | VehicleOutcome::UnderStop(_)
+            | VehicleOutcome::Stopped { .. }
+            | VehicleOutcome::Obeyed { .. }
+            | VehicleOutcome::Overruled(_)
+            | VehicleOutcome::Withdrawn => false,
         };
         if self.refused.is_some() && !self.stands {
             return Some(self.outcome_so_far(now));
@@ -245,7 +250,7 @@ impl Ordering {
     /// Returns the lease of the orders to those that were heard; `None` when nothing was sent.
     pub fn lease(&self) -> Option<Lease> {
         let issued = self.deliveries.values().filter_map(|delivery| delivery.issued);
-        issued.filter(|issued| !issued.is_blind).map(|issued| issued.lease).max()
+        issued.map(|issued| issued.lease).max()
     }
 
     /// Returns what became of it so far.
@@ -255,9 +260,17 @@ impl Ordering {
         Outcome { vehicles, lease, run: self.run, refused: self.refused }
     }
 
-    /// Decides whether a run is asked for that cannot begin; before anything is sent.
+    /// Decides whether something is asked for that cannot be; before anything is sent.
     fn refusal(&self, now: Time) -> Option<Refusal> {
-        let asked = self.instruction.run.filter(|_| self.instruction.kind == OrderKind::Start)?;
+        match self.instruction.kind {
+            OrderKind::Start => self.run_under_way(now).or_else(|| self.unheard_under_stop(now)),
+            OrderKind::Return => self.under_stop().map(Refusal::StopOpen),
+            OrderKind::Hold | OrderKind::Land | OrderKind::CutMotors => None,
+        }
+    }
+
+    fn run_under_way(&self, now: Time) -> Option<Refusal> {
+        let asked = self.instruction.run?;
         let Report { phase, run: under_way, .. } = &self.view.ground(now)?.value;
         let under_way = *under_way;
         let is_driven = match phase {
@@ -267,11 +280,63 @@ impl Ordering {
         (is_driven && under_way != asked).then_some(Refusal::UnderWay { under_way, asked })
     }
 
+    /// Returns who was not heard for too long while a stop is open that would be lifted.
+    fn unheard_under_stop(&self, now: Time) -> Option<Refusal> {
+        if !self.has_listened(now) || self.stops_to_end().is_empty() {
+            return None;
+        }
+        let is_unheard =
+            |id: &VehicleId| self.view.state(*id).is_none_or(|state| state.age(now) > SILENT_AFTER);
+        let mut unheard = self.targets(now);
+        unheard.retain(|id| is_unheard(id) && !self.instruction.although_unheard.contains(id));
+        unheard.first().map(|id| Refusal::Unheard(*id))
+    }
+
+    /// Returns an open stop that a vehicle stands under for which the order is.
+    fn under_stop(&self) -> Option<EmergencyName> {
+        let concerns = |stop: &&EmergencyStop| match stop.scope {
+            StopScope::All => true,
+            StopScope::One(id) => {
+                self.instruction.vehicles.is_empty() || self.instruction.vehicles.contains(&id)
+            }
+        };
+        self.view.open_stops().iter().find(concerns).map(|stop| stop.name)
+    }
+
+    /// Returns the stops that a start lifts now.
+    fn stops_to_end(&self) -> Vec<EmergencyName> {
+        let names = self.view.open_stops().into_iter().map(|stop| stop.name);
+        names.filter(|name| self.instruction.lifts_many || !name.is_many()).take(ENDS_MAX).collect()
+    }
+
+    /// Returns whether it is known which stops are open, as far as this order needs it, and chooses once which of them it
+    /// lifts.
+    fn knows_stops(&mut self, now: Time) -> bool {
+        if self.instruction.kind != OrderKind::Start || self.ends.is_some() {
+            return true;
+        }
+        let have_told = |id: &VehicleId| self.view.standing_at(Sender::Vehicle(*id)).is_some();
+        let targets = self.targets(now);
+        let all_have_told = !targets.is_empty() && targets.iter().all(have_told);
+        let knows_all = !self.instruction.vehicles.is_empty()
+            || !self.instruction.expected.is_empty()
+            || self.view.ground(now).is_some();
+        // Who does not tell may be unheard; that is judged once all were listened for.
+        let is_known = self.has_listened(now) || all_have_told && knows_all;
+        if is_known {
+            self.ends = Some(self.stops_to_end());
+        }
+        is_known
+    }
+
     fn outcomes(&self, now: Time) -> BTreeMap<VehicleId, VehicleOutcome> {
         let nothing = Delivery::default();
         let of = |id| {
             let delivery = self.deliveries.get(&id).unwrap_or(&nothing);
             let outcome = delivery.outcome(self.view.state(id).is_some());
+            if let (VehicleOutcome::Ignored, Some(name)) = (outcome, self.other_stop(id)) {
+                return (id, VehicleOutcome::UnderStop(name));
+            }
             match (outcome, self.misfit(id)) {
                 (VehicleOutcome::Ignored | VehicleOutcome::Unheard, _) if self.withdrawn.contains(&id) => {
                     (id, VehicleOutcome::Withdrawn)
@@ -283,6 +348,15 @@ impl Ordering {
             }
         };
         self.targets(now).into_iter().map(of).collect()
+    }
+
+    /// Returns an open stop that a vehicle stands under and this order does not lift.
+    fn other_stop(&self, id: VehicleId) -> Option<EmergencyName> {
+        let ends = self.ends.as_deref()?;
+        match self.view.state(id)?.value.stands_under? {
+            StandReason::Stop(name) => Some(name).filter(|name| !ends.contains(name)),
+            _ => None,
+        }
     }
 
     /// Returns why a vehicle does not listen to this operator, if it does not.
@@ -300,41 +374,30 @@ impl Ordering {
         self.instruction.expected.iter().copied().chain(members).chain(heard).collect()
     }
 
-    /// Returns to whom it is sent: in an emergency also to those of whom nothing is known.
+    /// Returns to whom it is sent.
     fn addressees(&self, now: Time) -> BTreeSet<VehicleId> {
         let mut all = self.targets(now);
-        if self.is_emergency() && self.instruction.vehicles.is_empty() {
-            all.extend(&self.instruction.possible);
-        }
         all.retain(|id| !self.withdrawn.contains(id));
         all
     }
 
-    fn is_emergency(&self) -> bool {
-        self.instruction.kind.is_emergency()
-    }
-
     /// Compares what a vehicle says it was ordered with what was sent to it.
     fn judge(&mut self, now: Time, id: VehicleId) {
-        let (kind, is_emergency, holder) =
-            (self.instruction.kind, self.is_emergency(), self.instruction.holder);
+        let kind = self.instruction.kind;
         let ground = self.view.ground(now).map(|report| report.value.in_force);
         let (in_force, stands) = (self.view.lease(now), self.stands);
         let Some(state) = self.view.state(id) else { return };
         let echo = state.value.ordered;
         let Some(delivery) = self.deliveries.get_mut(&id) else { return };
         let Some(issued) = delivery.issued else { return };
-        // Of an emergency sent blindly an earlier, lower one may have been obeyed.
-        let is_of_this = delivery.lowest.is_some_and(|lowest| echo.edition() >= lowest);
-        let is_own = is_emergency && is_of_this && echo.lease.holder == holder && echo.kind == Some(kind);
         let is_above = echo.edition() >= (issued.lease, issued.revision);
-        let Some(theirs) = echo.kind.filter(|_| is_above || is_own) else {
+        let Some(theirs) = echo.kind.filter(|_| is_above) else {
             // It was never obeyed, or the vehicle has been started anew and knows nothing of it.
             if stands && delivery.obeyed.is_some() {
                 delivery.forget(in_force);
             }
             (delivery.obeyed, delivery.contested) = (None, None);
-            delivery.look_at_memory(echo, is_emergency);
+            delivery.look_at_memory(echo);
             return;
         };
         let is_same_lease = echo.lease == issued.lease;
@@ -349,9 +412,7 @@ impl Ordering {
         }
         if theirs == kind {
             delivery.obeyed = Some((now, false));
-        } else if kind.strength() > theirs.strength()
-            && (is_emergency || issued.is_blind || is_same_lease && delivery.insisted < INSIST)
-        {
+        } else if kind.strength() > theirs.strength() && is_same_lease && delivery.insisted < INSIST {
             delivery.insisted += 1;
             (delivery.issued, delivery.sent_at) = (None, None);
         } else if may_be_brought_about(kind, theirs) && is_later && is_same_lease && ground.is_some() {
@@ -384,29 +445,26 @@ impl Ordering {
             return None;
         }
         let issued = match delivery.issued {
-            Some(issued) if !issued.is_blind => issued,
-            Some(issued) if self.view.state(id).is_some() => issued,
-            Some(_) | None => self.issue(now, id)?,
+            Some(issued) => issued,
+            None => self.issue(now, id)?,
         };
         let run = self.run_of(now);
         let delivery = self.deliveries.entry(id).or_default();
         delivery.issued = Some(issued);
         delivery.sent_at = Some(now);
         delivery.first_at.get_or_insert(now);
-        let Issued { lease, revision, .. } = issued;
-        delivery.lowest.get_or_insert((lease, revision));
+        let Issued { lease, revision } = issued;
         let state = self.view.state(id).map(|state| &state.value);
         let seen = state.map(|state| SeenState { boot: state.boot, sequence: state.sequence });
         let kind = self.instruction.kind;
-        Some(Order { vehicle: id, lease, run, revision, seen, kind, ends: Vec::new() })
+        let ends = self.ends.clone().unwrap_or_default();
+        Some(Order { vehicle: id, lease, run, revision, seen, kind, ends })
     }
 
     /// Chooses the lease and the revision that are above a vehicle's echo; `None` while nothing may be sent yet.
     fn issue(&self, now: Time, id: VehicleId) -> Option<Issued> {
-        match self.view.state(id) {
-            Some(state) => self.knows_ground(now).then(|| self.above(now, &state.value)),
-            None => self.is_emergency().then(|| self.blind(now)).flatten(),
-        }
+        let state = self.view.state(id).filter(|_| self.knows_ground(now))?;
+        Some(self.above(now, &state.value))
     }
 
     /// Returns whether the ground's lease is known as far as this order needs it.
@@ -430,33 +488,16 @@ impl Ordering {
         };
         let echo = state.ordered;
         if echo.lease != lease {
-            return Issued { lease, revision: Revision(1), is_blind: false };
+            return Issued { lease, revision: Revision(1) };
         }
         match echo.revision.0.checked_add(1).filter(|next| *next <= LAST_REVISION) {
-            Some(next) => Issued { lease, revision: Revision(next), is_blind: false },
+            Some(next) => Issued { lease, revision: Revision(next) },
             // This lease is used up.
             None => {
                 let lease = own(lease.number.saturating_add(1));
-                Issued { lease, revision: Revision(1), is_blind: false }
+                Issued { lease, revision: Revision(1) }
             }
         }
-    }
-
-    /// Chooses what is above whatever a vehicle that was not heard may echo; higher the longer it is not heard.
-    fn blind(&self, now: Time) -> Option<Issued> {
-        let since = now.since(self.linked?).checked_sub(BLIND_AFTER)?;
-        let rung = u32::try_from(since.as_millis() / RISES.as_millis()).unwrap_or(u32::MAX);
-        let heard = self.view.lease(now).number;
-        let step = 1_u32.checked_shl(rung.saturating_add(FIRST_STEP)).unwrap_or(HIGHEST);
-        let number = heard.saturating_add(step.min(HIGHEST)).min(HIGHEST.max(heard));
-        if number < HIGHEST {
-            let lease = Lease { number, holder: self.instruction.holder };
-            return Some(Issued { lease, revision: Revision(1), is_blind: true });
-        }
-        let beyond = rung.saturating_sub(31 - FIRST_STEP);
-        let revision = 1_u32.checked_shl(beyond).unwrap_or(LAST_REVISION);
-        let lease = Lease { number, holder: 0 };
-        Some(Issued { lease, revision: Revision(revision), is_blind: true })
     }
 
     /// Returns the run of the orders, chosen once: what was started must not count as a run before.
@@ -472,10 +513,7 @@ impl Ordering {
         let is_new = self.instruction.begins && is_idle;
         let next = RunId(newest.0.saturating_add(1).min(LAST_REVISION));
         let run = self.instruction.run.unwrap_or(if is_new { next } else { newest });
-        // Nothing may be known yet when an emergency goes out.
-        if !self.is_emergency() {
-            self.run = Some(run);
-        }
+        self.run = Some(run);
         run
     }
 }

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
-use tomoswarm_proto::{Lease, Ordered, RunId, VehicleId};
+use tomoswarm_proto::{EmergencyName, Lease, Ordered, RunId, VehicleId};
 
 use super::fleet_view::Misfit;
 
@@ -18,16 +18,32 @@ pub enum VehicleOutcome {
         /// The ground station has gone on from there already.
         by_ground: bool,
     },
+    /// It shows the emergency stop that was given, so long after anyone could be reached.
+    Stopped {
+        /// From when anyone could be reached to what shows it.
+        after: Duration,
+        /// Whether it has come to rest.
+        is_at_rest: bool,
+    },
+    /// An emergency stop is open that the order does not lift.
+    UnderStop(EmergencyName),
     /// A higher order of somebody else came in between.
     Overruled(Ordered),
     /// It is heard, and has not obeyed in time.
     Ignored,
     /// Nothing was heard of it.
     Unheard,
-    /// It does not listen to this operator, and was not sent the order unless that is an emergency.
+    /// It does not listen to this operator, and was not sent the order.
     Foreign(Misfit),
     /// The operator wants something else of it since.
     Withdrawn,
+}
+
+impl VehicleOutcome {
+    /// Returns whether the vehicle does what was wanted.
+    pub fn is_done(&self) -> bool {
+        matches!(self, VehicleOutcome::Obeyed { .. } | VehicleOutcome::Stopped { .. })
+    }
 }
 
 /// Why an order is not sent at all.
@@ -41,6 +57,14 @@ pub enum Refusal {
         /// The run that was asked for.
         asked: RunId,
     },
+    /// A start would lift emergency stops although a vehicle is not heard.
+    #[error(
+        "an emergency stop is open and vehicle {0} has not been heard for 2 s: name it with --although-unheard if the others are to be started all the same"
+    )]
+    Unheard(VehicleId),
+    /// An emergency stop is open.
+    #[error("emergency stop {0} is open: only a start lifts it")]
+    StopOpen(EmergencyName),
 }
 
 /// What became of an order.
@@ -59,8 +83,7 @@ pub struct Outcome {
 impl Outcome {
     /// Returns whether every vehicle has obeyed, and there is one.
     pub fn is_done(&self) -> bool {
-        let obeyed = |outcome: &VehicleOutcome| matches!(outcome, VehicleOutcome::Obeyed { .. });
-        !self.vehicles.is_empty() && self.vehicles.values().all(obeyed)
+        !self.vehicles.is_empty() && self.vehicles.values().all(|outcome| outcome.is_done())
     }
 
     /// Says who has not obeyed, and why; empty when it is done.
@@ -69,7 +92,10 @@ impl Outcome {
             return refused.to_string();
         }
         let words = |(id, of): (&VehicleId, &VehicleOutcome)| match of {
-            VehicleOutcome::Obeyed { .. } => None,
+            VehicleOutcome::Obeyed { .. } | VehicleOutcome::Stopped { .. } => None,
+            VehicleOutcome::UnderStop(name) => {
+                Some(format!("vehicle {id} stands under emergency stop {name}"))
+            }
             VehicleOutcome::Overruled(_) => Some(format!("vehicle {id} was ordered something else")),
             VehicleOutcome::Ignored => Some(format!("vehicle {id} does not obey")),
             VehicleOutcome::Unheard => Some(format!("vehicle {id} is not heard")),

@@ -68,7 +68,7 @@ pub struct Check {
 /// All checks of one node.
 #[derive(Clone, PartialEq, Eq, Debug, Serialize)]
 pub struct Node {
-    /// `vehicle 3` or `ground`.
+    /// `vehicle 3`, `ground`, or `swarm` for what is one for all.
     pub node: String,
     /// Its checks, always the same ones in the same order.
     pub checks: Vec<Check>,
@@ -83,13 +83,15 @@ pub fn inspect(view: &FleetView, needs: &Needs, now: Time) -> Vec<Node> {
     };
     let mut nodes: Vec<Node> = needs.vehicles.iter().map(vehicle).collect();
     nodes.push(Node { node: "ground".to_owned(), checks: of_ground(view, needs, now) });
+    nodes.push(Node { node: "swarm".to_owned(), checks: vec![stops(view, needs)] });
     nodes
 }
 
 /// Returns whether a run may begin.
 pub fn is_go(nodes: &[Node]) -> bool {
     // The ground station alone is no swarm.
-    nodes.len() > 1 && nodes.iter().flat_map(|node| &node.checks).all(|check| check.light != Light::NoGo)
+    nodes.iter().any(|node| node.node.starts_with("vehicle"))
+        && nodes.iter().flat_map(|node| &node.checks).all(|check| check.light != Light::NoGo)
 }
 
 fn check(what: &'static str, is_right: bool, found: String) -> Check {
@@ -137,7 +139,7 @@ fn of_vehicle(id: VehicleId, seen: &VehicleView, needs: &Needs, now: Time) -> Ve
     }));
     checks.push(reported("mode", state, no_go, |state| {
         (
-            !matches!(state.mode, Mode::Held | Mode::Stopped | Mode::Emergency),
+            !matches!(state.mode, Mode::Held | Mode::Stopped | Mode::MotorsCut),
             names::mode(state.mode).to_owned(),
         )
     }));
@@ -229,6 +231,14 @@ fn failsafes(health: Option<&Health>) -> Check {
         (_, true) => check("failsafes", true, listed(&set)),
         (_, false) => check("failsafes", false, format!("off: {}", listed(&unset))),
     }
+}
+
+/// Which emergency stops are open, who made them and who does not show them.
+fn stops(view: &FleetView, needs: &Needs) -> Check {
+    let open = view.open_stops();
+    let words: Vec<String> = open.iter().map(|stop| view.stop_in_words(stop, &needs.vehicles)).collect();
+    let found = if open.is_empty() { "none is open".to_owned() } else { words.join("; ") };
+    check("emergency stops", open.is_empty(), found)
 }
 
 fn of_ground(view: &FleetView, needs: &Needs, now: Time) -> Vec<Check> {

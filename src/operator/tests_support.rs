@@ -2,7 +2,7 @@
 
 use tomoswarm_proto::{
     Boot, Deviation, Heading, Lease, Message, Mode, Order, OrderKind, Ordered, Permille, PoseReport,
-    Position, Report, Revision, RunId, Sender, State, StationPhase, VehicleId,
+    Position, Report, Revision, RunId, Sender, Standing, State, StationPhase, VehicleId,
 };
 
 use super::Heard;
@@ -56,6 +56,11 @@ pub struct Rover {
 }
 
 impl Rover {
+    /// Says that it knows of no emergency stop.
+    pub fn say_stops(&self) -> Heard {
+        Heard::Message(Sender::Vehicle(self.state.vehicle), Message::Standing(Standing::default()))
+    }
+
     /// A vehicle that was ordered nothing yet.
     pub fn new(vehicle: u8) -> Rover {
         Rover { state: state(vehicle) }

@@ -38,6 +38,35 @@ pub struct Want {
     pub begins: bool,
     /// Whether the lease is taken from whoever holds it; otherwise the one in force is joined.
     pub take_over: bool,
+    /// These may be unheard when a start lifts emergency stops.
+    pub although_unheard: BTreeSet<VehicleId>,
+    /// Whether a start also lifts what stands for many stops.
+    pub lifts_many: bool,
     /// When it is given up.
+    pub within: Duration,
+}
+
+impl Want {
+    /// Returns what is wanted of some vehicles, or of all if none is named, in the present run, joining the lease in force.
+    pub fn new(kind: OrderKind, vehicles: BTreeSet<VehicleId>, within: Duration) -> Want {
+        Want {
+            kind,
+            vehicles,
+            run: None,
+            begins: false,
+            take_over: false,
+            although_unheard: BTreeSet::new(),
+            lifts_many: false,
+            within,
+        }
+    }
+}
+
+/// An emergency stop that is wanted.
+#[derive(Clone, PartialEq, Eq, Debug, Serialize, Deserialize)]
+pub struct StopWish {
+    /// Whom it stops; empty = all.
+    pub vehicles: BTreeSet<VehicleId>,
+    /// So long it is looked whether they stop. What is given stays in force after that.
     pub within: Duration,
 }

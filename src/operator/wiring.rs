@@ -1,10 +1,14 @@
-//! The one actor of an operator and how it is wired, for every runtime. Nobody hears anybody inside: what comes from
-//! outside is for it, and what it says goes outside.
+//! The two actors of an operator and how they are wired, for every runtime: the operator, and the keeper of the emergency
+//! stops, which says them on as every node does and keeps nothing on a disk.
 //!
-//! A fault of it ends the node: what it has ordered stands in State, and is not repeated by one that knows nothing of it.
+//! A fault ends the node: what was ordered stands in State, and is not repeated by one that knows nothing of it.
 
+use tomoswarm_proto::Message;
+
+use super::Heard;
 use super::operator_actor::{In, Operator, OperatorSettings, Out};
 use crate::actor::{ActingTime, Fill, LocalNode, Place, Recipient, RestartPolicy, Visitor, Wire, Wiring};
+use crate::stops::{self, Stops, StopsSettings};
 
 /// An operator's actor on one thread, as the simulator runs it.
 pub type OperatorNode = LocalNode<OperatorWiring>;
@@ -16,6 +20,7 @@ pub enum OperatorWiring {}
 /// A place for each actor of an operator.
 #[derive(Clone, Debug)]
 pub struct Actors<P: Place<OperatorWiring>> {
+    pub(crate) stops: P::Of<Stops>,
     pub(crate) operator: P::Of<Operator>,
 }
 
@@ -24,6 +29,8 @@ pub struct Actors<P: Place<OperatorWiring>> {
 pub enum Output {
     /// From outside.
     Edge(In),
+    /// By the keeper of the emergency stops.
+    Stops(stops::Out),
     /// By the operator.
     Operator(Out),
 }
@@ -31,6 +38,8 @@ pub enum Output {
 /// Where it goes.
 #[derive(Debug)]
 pub enum Destination {
+    /// To the keeper of the emergency stops.
+    Stops(stops::In),
     /// To the operator.
     Operator(In),
     /// To the outside.
@@ -48,6 +57,15 @@ impl Wiring for OperatorWiring {
 
     fn fill<P: Place<Self>>(fill: &mut impl Fill<Self, P>) -> Actors<P> {
         Actors {
+            stops: fill.actor(Wire {
+                name: "stops",
+                restart: RestartPolicy::StopNode,
+                acting: ActingTime::Instant,
+                make: |settings| {
+                    Stops::new(&StopsSettings { is_silent: !settings.greets, ..StopsSettings::default() })
+                },
+                output: Output::Stops,
+            }),
             operator: fill.actor(Wire {
                 name: "operator",
                 restart: RestartPolicy::StopNode,
@@ -60,7 +78,8 @@ impl Wiring for OperatorWiring {
 
     fn visit<P: Place<Self>>(actors: &mut Actors<P>, visitor: &mut impl Visitor<Self, P>) {
         // Taken apart, so that none can be forgotten.
-        let Actors { operator } = actors;
+        let Actors { stops, operator } = actors;
+        visitor.actor::<Stops>(stops);
         visitor.actor::<Operator>(operator);
     }
 
@@ -69,10 +88,20 @@ impl Wiring for OperatorWiring {
     }
 
     fn route(output: Output, to: &mut Vec<Destination>) {
-        to.push(match output {
-            Output::Edge(event) => Destination::Operator(event),
-            Output::Operator(said) => Destination::Edge(said),
-        });
+        match output {
+            Output::Edge(event) => {
+                to.extend(for_stops(&event).map(Destination::Stops));
+                to.push(Destination::Operator(event));
+            }
+            Output::Stops(stops::Out::Publish(standing)) => {
+                to.push(Destination::Edge(Out::Publish(Message::Standing(standing))));
+            }
+            Output::Stops(stops::Out::Remark(remark)) => to.push(Destination::Edge(Out::StopsNote(remark))),
+            // The operator hears for itself who knows which stops.
+            Output::Stops(stops::Out::Open(_) | stops::Out::Heard(_) | stops::Out::Remember(_)) => {}
+            Output::Operator(Out::Give(given)) => to.push(Destination::Stops(stops::In::Give(given))),
+            Output::Operator(said) => to.push(Destination::Edge(said)),
+        }
     }
 
     fn deliver<P: Recipient<Self>>(
@@ -81,8 +110,26 @@ impl Wiring for OperatorWiring {
         carry_out: &mut impl FnMut(Out),
     ) {
         match destination {
+            Destination::Stops(input) => P::tell::<Stops>(&mut actors.stops, input),
             Destination::Operator(input) => P::tell::<Operator>(&mut actors.operator, input),
             Destination::Edge(effect) => carry_out(effect),
         }
+    }
+}
+
+/// Returns what the keeper of the emergency stops is told of what comes from outside.
+fn for_stops(event: &In) -> Option<stops::In> {
+    match event {
+        In::Bus(Heard::Message(sender, Message::Standing(standing))) => {
+            Some(stops::In::Standing(*sender, standing.clone()))
+        }
+        In::Linked(true) => Some(stops::In::Linked),
+        In::Bus(_)
+        | In::Linked(false)
+        | In::Want(..)
+        | In::Stop(..)
+        | In::Withdraw(_)
+        | In::Follow(_)
+        | In::CueDone => None,
     }
 }

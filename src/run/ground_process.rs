@@ -26,15 +26,17 @@ use super::node_threads::LiveNode;
 use super::process::{Finish, Process};
 use super::state_dir::{StateDir, StateDirError};
 use super::trust::TrustError;
-use super::vehicle_process::{recorder, short, watch_recorder};
+use super::vehicle_process::{recorder, short, watch_recorder, watch_stops};
 use crate::actor::Actor;
 use crate::config::GroundFile;
 use crate::ground::from_config::{PartsError, ground_parts};
 use crate::ground::station::{self, Memory, Station};
 use crate::ground::wiring::Source;
 use crate::ground::{Effect, Event, GroundWiring};
+use crate::stops::StopsSettings;
 use crate::store::StoreError;
 use crate::store::ground::{GroundStore, Restored, Start};
+use crate::store::stops::{StopsDriver, StopsError, StopsFile};
 use crate::time::Time;
 
 /// Batches and tiles that may wait for the store.
@@ -61,6 +63,9 @@ pub enum GroundError {
     /// The system gives no random numbers.
     #[error(transparent)]
     NoChance(#[from] NoChance),
+    /// Which emergency stops are open cannot be known.
+    #[error(transparent)]
+    Stops(#[from] StopsError),
     /// The machine has no threads to give.
     #[error("a thread cannot be started: {0}")]
     Thread(#[from] std::io::Error),
@@ -97,7 +102,9 @@ pub fn run(
         Start { config: text, venue: venue_text, venue_hash: file.venue.hash(), seed: None, note, new_id };
     let store = GroundStore::open(&state_dir.join("ground.sqlite"), &start)?;
     let holder = membership::draw()?;
-    let source = source(file, state_dir.boot(), holder, &store)?;
+    let stops_file = StopsFile::at(state_dir.join("stops"));
+    let source =
+        Source { stops: kept_stops(&stops_file)?, ..source(file, state_dir.boot(), holder, &store)? };
     let hello = membership::greeting(Sender::Ground, state_dir.boot(), &file.venue, Vec::new())?;
     let access = membership::access(Sender::Ground, &file.venue, &file.bus, Some(&state_dir))?;
     let bus = membership::bus_settings(Sender::Ground, &file.venue, &file.bus, access);
@@ -111,6 +118,7 @@ pub fn run(
         archive: Arc::new(Archive::new(store, troubles.clone())),
         troubles: troubles.clone(),
         report: Mutex::default(),
+        stops: StopsDriver::start(stops_file)?,
     });
     let told = node.clone();
     let keeper = keeper(edge.archive.clone(), wanted, move |batch| {
@@ -123,6 +131,7 @@ pub fn run(
     let threads = node.start(process.context(), source, recorder.as_ref(), carry_out)?;
     let mut tick = |_: Time, _: &Member, troubles: &Troubles| {
         watch_recorder(recorder.as_ref(), troubles);
+        watch_stops(&edge.stops, troubles);
         let report = lock(&edge.report).clone();
         status(&Status { report, links: edge.mouth.links(), troubles: troubles.list() });
     };
@@ -140,7 +149,11 @@ pub fn run(
 fn source(file: &GroundFile, boot: Boot, holder: u64, store: &GroundStore) -> Result<Source, GroundError> {
     let parts = ground_parts(file, boot, holder, store.id())?;
     let resumed = resume(parts.station.clone(), store.resume()?, &expected(file));
-    Ok(Source { parts, resumed: Some(resumed) })
+    Ok(Source { parts, resumed: Some(resumed), stops: StopsSettings::default() })
+}
+
+fn kept_stops(file: &StopsFile) -> Result<StopsSettings, StopsError> {
+    Ok(StopsSettings { kept: file.read()?, ..StopsSettings::default() })
 }
 
 fn expected(file: &GroundFile) -> BTreeSet<VehicleId> {
@@ -249,6 +262,7 @@ struct Edge {
     archive: Arc<Archive>,
     troubles: Troubles,
     report: Mutex<Option<Report>>,
+    stops: StopsDriver,
 }
 
 impl Edge {
@@ -267,6 +281,8 @@ impl Edge {
             }
             Effect::BeginRun { run, compared_with } => self.archive.hold_run(run, compared_with),
             Effect::EndRun(run) => self.archive.hold_end(run),
+            Effect::KeepStops(standing) => self.stops.keep(&standing),
+            Effect::StopsNote(remark) => tracing::info!("{remark}"),
             Effect::Note(note) => tracing::info!("{note:?}"),
         }
     }

@@ -1,11 +1,12 @@
-//! The operator on the real bus: a thin loop that feeds its actor with what is heard and with the time, and publishes what
-//! it says. It decides nothing, and shows nothing.
+//! The operator on the real bus: a thin loop that feeds its actors with what is heard and with the time, and publishes what
+//! they say. It decides nothing, and shows nothing.
 
 use super::bus::Heard;
 use super::operator_session::Session;
-use crate::actor::{ActorCell, Fault};
+use crate::actor::Fault;
 use crate::operator::fleet_view::FleetView;
-use crate::operator::operator_actor::{In, Operator, OperatorSettings, Out};
+use crate::operator::operator_actor::{In, OperatorSettings, Out};
+use crate::operator::wiring::OperatorNode;
 use crate::time::Time;
 
 /// Messages taken before whoever shows the operator has its turn.
@@ -14,7 +15,9 @@ const AT_ONCE: usize = 1000;
 /// An operator and its part of the bus.
 pub struct LiveOperator {
     session: Session,
-    operator: ActorCell<Operator>,
+    node: OperatorNode,
+    /// What it is told when it goes on.
+    unread: Vec<In>,
     is_linked: bool,
     /// The latest moment that the operator was told.
     latest: Time,
@@ -22,19 +25,19 @@ pub struct LiveOperator {
 
 impl LiveOperator {
     /// Joins an operator with its part of the bus.
-    pub fn new(session: Session, settings: OperatorSettings) -> LiveOperator {
-        let operator = ActorCell::new(Operator::new(settings));
-        LiveOperator { session, operator, is_linked: false, latest: Time::ZERO }
+    pub fn new(session: Session, mut settings: OperatorSettings) -> LiveOperator {
+        let node = OperatorNode::new(&mut settings);
+        LiveOperator { session, node, unread: Vec::new(), is_linked: false, latest: Time::ZERO }
     }
 
     /// Tells the operator something; it acts on it when it goes on.
     pub fn tell(&mut self, input: In) {
-        self.operator.push(input);
+        self.unread.push(input);
     }
 
     /// Returns what the operator knows of the fleet.
     pub fn view(&self) -> &FleetView {
-        self.operator.actor().view()
+        self.node.actors().operator.place.actor().view()
     }
 
     /// Returns its part of the bus.
@@ -56,16 +59,16 @@ impl LiveOperator {
         let is_linked = self.session.is_linked();
         if is_linked != self.is_linked {
             self.is_linked = is_linked;
-            self.operator.push(In::Linked(is_linked));
+            self.unread.push(In::Linked(is_linked));
         }
         let mut said = Vec::new();
         self.act(self.now(), &mut said)?;
-        let due = self.operator.deadline().map_or(until, |deadline| deadline.at.min(until));
+        let due = self.node.deadline().map_or(until, |deadline| deadline.at.min(until));
         let mut next = self.session.hear(if said.is_empty() { due } else { Time::ZERO });
         for _ in 0..AT_ONCE {
             let Some((at, heard)) = next else { break };
             observe(at, &heard);
-            self.operator.push(In::Bus(heard));
+            self.unread.push(In::Bus(heard));
             self.act(at, &mut said)?;
             next = self.session.hear(Time::ZERO);
         }
@@ -80,10 +83,23 @@ impl LiveOperator {
     /// Lets the operator act. What has waited to be read came before what was done meanwhile; time does not go back.
     fn act(&mut self, at: Time, said: &mut Vec<Out>) -> Result<(), Fault> {
         self.latest = self.latest.max(at);
+        let mut effects = Vec::new();
+        if self.node.deadline().is_some_and(|deadline| deadline.at <= self.latest) {
+            self.node.wake(self.latest, &mut effects)?;
+        }
+        for input in std::mem::take(&mut self.unread) {
+            self.node.tell(self.latest, input, &mut effects)?;
+        }
         let publisher = self.session.mouth();
-        self.operator.act(self.latest, |out| match out {
-            Out::Publish(message) => publisher.publish(&message),
-            Out::InForce(..) | Out::Ended(..) | Out::Cue(_) | Out::ScriptEnded(_) => said.push(out),
-        })
+        for out in effects {
+            match out {
+                Out::Publish(message) => publisher.publish(&message),
+                Out::Give(_) => {}
+                Out::InForce(..) | Out::Ended(..) | Out::Cue(_) | Out::ScriptEnded(_) | Out::StopsNote(_) => {
+                    said.push(out);
+                }
+            }
+        }
+        Ok(())
     }
 }

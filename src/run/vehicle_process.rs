@@ -35,6 +35,7 @@ use crate::node::{Effect, Event, Settings, VehicleWiring};
 use crate::store::memory::{MemoryDriver, MemoryError, MemoryFile};
 use crate::store::outbox::{OutboxDriver, OutboxSettings};
 use crate::store::recording::{About, Limits, Recorder};
+use crate::store::stops::{StopsDriver, StopsError, StopsFile};
 use crate::time::Time;
 
 /// Health is said every second tick.
@@ -71,6 +72,9 @@ pub enum VehicleError {
     /// What it has obeyed before cannot be known.
     #[error(transparent)]
     Memory(#[from] MemoryError),
+    /// Which emergency stops are open cannot be known.
+    #[error(transparent)]
+    Stops(#[from] StopsError),
     /// The bus cannot be opened.
     #[error(transparent)]
     Bus(#[from] BusError),
@@ -138,6 +142,7 @@ struct Edge {
     world: WorldLink,
     outbox: OutboxDriver,
     memory: MemoryDriver,
+    stops: StopsDriver,
     last: Arc<Mutex<Last>>,
     node: LiveVehicle,
     clock: Clock,
@@ -169,6 +174,7 @@ impl Edge {
             Effect::Forget { boot, run, below } => self.outbox.forget(*boot, *run, *below),
             Effect::Recall { after } => self.outbox.recall(*after),
             Effect::Remember(memory) => self.memory.remember(*memory),
+            Effect::KeepStops(standing) => self.stops.keep(standing),
             Effect::Tally(tally) => lock(&self.last).tally = *tally,
         }
     }
@@ -188,7 +194,10 @@ pub fn run(
     let state_dir = StateDir::open(Path::new(&file.state_dir))?;
     let memory_file = MemoryFile::at(state_dir.join("memory"));
     let remembered = memory_file.read()?;
-    let settings = Settings { memory: remembered, ..Settings::from_vehicle_file(file, state_dir.boot()) };
+    let stops_file = StopsFile::at(state_dir.join("stops"));
+    let stops = stops_file.read()?;
+    let settings =
+        Settings { memory: remembered, stops, ..Settings::from_vehicle_file(file, state_dir.boot()) };
     let sender = Sender::Vehicle(file.id);
     let hello = membership::greeting(sender, state_dir.boot(), &file.venue, CAPABILITIES.to_vec())?;
     let node = LiveVehicle::default();
@@ -207,9 +216,18 @@ pub fn run(
     let outbox = outbox(file, &state_dir, node.clone())?;
     let told = node.clone();
     let memory = MemoryDriver::start(memory_file, remembered, move |event| told.tell(event))?;
+    let stops = StopsDriver::start(stops_file)?;
     let clock = process.context().clock;
-    let edge =
-        Arc::new(Edge { mouth: member.mouth(), world, outbox, memory, last, node: node.clone(), clock });
+    let edge = Arc::new(Edge {
+        mouth: member.mouth(),
+        world,
+        outbox,
+        memory,
+        stops,
+        last,
+        node: node.clone(),
+        clock,
+    });
     let of_actors = edge.clone();
     let recorder = recorder(file.record, &state_dir, &format!("vehicle/{}", file.id), text, settings.lattice);
     let carry_out = move |effect| of_actors.carry_out(effect);
@@ -270,6 +288,14 @@ pub(super) fn watch_recorder(recorder: Option<&Recorder>, troubles: &Troubles) {
     match recorder.and_then(Recorder::trouble) {
         Some(trouble) => troubles.raise("recording", trouble),
         None => troubles.clear("recording"),
+    }
+}
+
+/// Tells whether the emergency stops that are known are on disk.
+pub(super) fn watch_stops(stops: &StopsDriver, troubles: &Troubles) {
+    match stops.trouble() {
+        Some(trouble) => troubles.raise("emergency stops", trouble),
+        None => troubles.clear("emergency stops"),
     }
 }
 
@@ -339,6 +365,7 @@ impl Edge {
             Some(trouble) => troubles.raise("memory", trouble),
             None => troubles.clear("memory"),
         }
+        watch_stops(&self.stops, troubles);
     }
 
     fn health(&self, settings: &Settings, state_dir: &StateDir, troubles: &Troubles) -> Health {

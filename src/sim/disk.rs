@@ -1,9 +1,9 @@
-//! The disk of a simulated vehicle: what it has measured and the ground may not have yet, and by whose right it was ordered
-//! and planned for. It outlives a restart, never fails and takes no time.
+//! The disk of a simulated vehicle: what it has measured and the ground may not have yet, by whose right it was ordered and
+//! planned for, and which emergency stops it knows. It outlives a restart, never fails and takes no time.
 
 use std::collections::BTreeMap;
 
-use tomoswarm_proto::{Boot, RunId, Sample};
+use tomoswarm_proto::{Boot, RunId, Sample, Standing};
 
 use crate::node::outbox::{CHUNK, Place, Recalled};
 use crate::node::{Memory, Remembered};
@@ -13,6 +13,7 @@ use crate::node::{Memory, Remembered};
 pub(super) struct Disk {
     kept: BTreeMap<Place, Sample>,
     memory: Memory,
+    stops: Standing,
 }
 
 impl Disk {
@@ -25,6 +26,16 @@ impl Disk {
     /// Returns all that was remembered.
     pub fn memory(&self) -> Memory {
         self.memory
+    }
+
+    /// Keeps what emergency stops the vehicle knows.
+    pub fn keep_stops(&mut self, stops: Standing) {
+        self.stops = stops;
+    }
+
+    /// Returns them.
+    pub fn stops(&self) -> Standing {
+        self.stops.clone()
     }
 
     /// Keeps a sample.

@@ -363,6 +363,7 @@ impl Kernel {
             node::Effect::Remember(memory) => {
                 return Some(node::Event::Remembered(self.disks[vehicle].remember(memory)));
             }
+            node::Effect::KeepStops(standing) => self.disks[vehicle].keep_stops(standing),
             node::Effect::Tally(_) => {}
         }
         None
@@ -479,6 +480,7 @@ impl Kernel {
         let who = format!("vehicle {}", self.vehicles[vehicle].id());
         match note {
             VehicleNote::Vehicle(remark) => self.log(&who, format_args!("{remark:?}")),
+            VehicleNote::Stops(remark) => self.log(&who, format_args!("{remark}")),
             VehicleNote::Mission(remark) => {
                 self.log(&who, format_args!("{remark:?}"));
                 self.heed(vehicle, remark);
@@ -509,6 +511,8 @@ impl Kernel {
                 // A simulated ground station has no store, and is never started anew from its memory.
                 ground::Effect::Remember(_) | ground::Effect::BeginRun { .. } | ground::Effect::EndRun(_) => {
                 }
+                ground::Effect::KeepStops(_) => {}
+                ground::Effect::StopsNote(remark) => self.log("ground", format_args!("{remark}")),
                 ground::Effect::Note(note) => self.ground_note(&note),
             }
         }

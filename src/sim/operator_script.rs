@@ -55,7 +55,6 @@ pub(super) fn settings(sim: &Sim, id: OperatorId, holder: u64) -> OperatorSettin
         greets: true,
         holder,
         expected: sim.vehicle_ids().collect(),
-        possible: BTreeSet::new(),
     }
 }
 
@@ -135,7 +134,7 @@ impl ScenarioScript<'_> {
     fn want(&self, kind: OrderKind, run: Option<RunId>) -> Step {
         let within = self.sim.until();
         let vehicles = BTreeSet::new();
-        Step::Want(Want { kind, vehicles, run, begins: false, take_over: false, within })
+        Step::Want(Want { run, ..Want::new(kind, vehicles, within) })
     }
 }
 

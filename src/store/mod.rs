@@ -1,9 +1,11 @@
-//! What must outlive a process: the ground station's store, a vehicle's outbox and memory on disk, and flight recordings.
+//! What must outlive a process: the ground station's store, a vehicle's outbox and memory on disk, the emergency stops that a
+//! node knows, and flight recordings.
 //!
 //! Nothing here decides; it writes what it is handed, and gives it back after a restart.
 
 #![allow(clippy::disallowed_methods, reason = "the shell reads clocks and writes files")]
 
+mod checked_text;
 mod durable;
 mod error;
 pub mod export;
@@ -12,6 +14,7 @@ pub mod memory;
 pub mod outbox;
 pub mod recording;
 mod sample_row;
+pub mod stops;
 
 pub use durable::replace;
 pub use error::StoreError;

@@ -67,7 +67,7 @@ fn a_recorded_run_replays_identically_and_is_the_same_bytes_again() {
     let desk = recorded();
     let said = replay(&desk, "run/flight");
     assert_eq!((said.code, said.err.as_str()), (0, ""), "{}", said.out);
-    assert_eq!(said.out.lines().count(), 2 * 6 + 3 + 1, "{}", said.out);
+    assert_eq!(said.out.lines().count(), 2 * 7 + 4 + 2, "{}", said.out);
     assert!(said.out.lines().all(|line| line.ends_with(" steps  identical")), "{}", said.out);
     let first = desk.files();
     assert_eq!(desk.run(&RECORD).code, 0);
@@ -116,7 +116,7 @@ fn a_changed_input_is_named_with_what_came_of_it() {
     );
     let said = replay(&desk, "run/flight");
     assert_eq!(said.code, 1, "{said:?}");
-    assert!(said.err.contains("the replay differs: 1 of 16 actors"), "{}", said.err);
+    assert!(said.err.contains("the replay differs: 1 of 20 actors"), "{}", said.err);
     let lines: Vec<&str> = said.out.lines().collect();
     let first = lines.iter().position(|line| line.contains("differs")).unwrap();
     assert!(

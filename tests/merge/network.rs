@@ -386,6 +386,8 @@ fn settings(vehicle: u8, boot: u32) -> Settings {
         vehicle: VehicleId(vehicle),
         boot: Boot(boot),
         memory: Default::default(),
+        stops: Default::default(),
+        listens_for: std::time::Duration::ZERO,
         fence: Rect::new(Point::new(-50.0, -50.0), Point::new(100.0, 100.0)).polygon(),
         home: Point::new(0.0, 0.0),
         lattice: Lattice::new(0.2),

@@ -19,9 +19,9 @@ fn ordered(watch: &Watch) -> (Boot, Ordered) {
 }
 
 /// Returns an order below a lease, which only a vehicle obeys that has forgotten that one.
-fn lowest_emergency(id: u8, lease: Lease) -> Message {
+fn lowest_cut(id: u8, lease: Lease) -> Message {
     let lease = Lease::lowest(lease.number);
-    let (vehicle, revision, kind) = (VehicleId(id), Revision(1_000_000), OrderKind::Emergency);
+    let (vehicle, revision, kind) = (VehicleId(id), Revision(1_000_000), OrderKind::CutMotors);
     Message::Order(Order { vehicle, lease, run: RunId(1), revision, seen: None, kind, ends: vec![] })
 }
 
@@ -46,11 +46,11 @@ fn a_vehicle_that_dies_comes_back_and_its_earlier_samples_arrive() {
     swarm.restart(vehicle(3));
     let insistent = Stranger::peer(Shows::Nothing, None, &[swarm.address(vehicle(3))]);
     swarm.until("it is back, and obeys nothing lower", 30, |watch| {
-        let low = lowest_emergency(3, kept.ordered.lease);
+        let low = lowest_cut(3, kept.ordered.lease);
         insistent.say("tomoswarm/courtyard/operator/1/order/3", &codec::encode(&low).unwrap());
         let (boot, shown) = ordered(watch);
         assert!(boot == Boot(1) || shown.lease >= kept.ordered.lease, "{shown:?} after {kept:?}");
-        assert_ne!(shown.kind, Some(OrderKind::Emergency));
+        assert_ne!(shown.kind, Some(OrderKind::CutMotors));
         boot == Boot(2) && watch.report().lost.is_empty()
     });
     swarm.until_end();

@@ -14,7 +14,7 @@ use tomoswarm::run::clock::Clock;
 use tomoswarm::run::mailbox::Troubles;
 use tomoswarm_proto::{
     Boot, Deviation, Heading, Health, Hello, Lease, Message, Mode, Order, OrderKind, Ordered, Permille,
-    PoseReport, Position, Report, RunId, Sender, State, StationPhase, VehicleId,
+    PoseReport, Position, Report, RunId, Sender, StandReason, Standing, State, StationPhase, VehicleId,
 };
 
 const GROUNDS: Lease = Lease { number: 3, holder: 33 };
@@ -114,7 +114,14 @@ fn vehicle(id: u8, others: &[u8], ground: &str) -> (Player, Arc<Mutex<Ordered>>)
     let home = venue().homes[usize::from(id) - 1];
     let ordered = Arc::new(Mutex::new(Ordered::default()));
     let (obeyed, echoed) = (ordered.clone(), ordered.clone());
+    let stopped = Arc::new(Mutex::new(Standing::default()));
+    let knows = stopped.clone();
     let hear = move |heard| {
+        if let Heard::Message(_, Message::Standing(standing)) = &heard
+            && !standing.open.is_empty()
+        {
+            knows.lock().unwrap().open.clone_from(&standing.open);
+        }
         if let Heard::Message(_, Message::Order(Order { vehicle, lease, revision, run, kind, .. })) = heard {
             let mut obeyed = obeyed.lock().unwrap();
             if vehicle == VehicleId(id) && (lease, revision) > obeyed.edition() {
@@ -124,7 +131,9 @@ fn vehicle(id: u8, others: &[u8], ground: &str) -> (Player, Arc<Mutex<Ordered>>)
     };
     let hears: Vec<VehicleId> = others.iter().map(|other| VehicleId(*other)).collect();
     let say = move |turn: u32| {
+        let standing = stopped.lock().unwrap().clone();
         let state = State {
+            stands_under: standing.open.first().map(|stop| StandReason::Stop(stop.name)),
             vehicle: VehicleId(id),
             boot: Boot(1),
             sequence: u64::from(turn),
@@ -143,7 +152,8 @@ fn vehicle(id: u8, others: &[u8], ground: &str) -> (Player, Arc<Mutex<Ordered>>)
         };
         let hears = hears.clone();
         let health = Health { vehicle: VehicleId(id), boot: Boot(1), hears, ..Health::default() };
-        vec![Message::State(state), Message::Health(health), hello(Sender::Vehicle(VehicleId(id)))]
+        let greeting = hello(Sender::Vehicle(VehicleId(id)));
+        vec![Message::State(state), Message::Standing(standing), Message::Health(health), greeting]
     };
     let connect = [ground.to_owned()];
     (play(Sender::Vehicle(VehicleId(id)), &free_endpoint(), &connect, hear, say), ordered)
@@ -208,8 +218,13 @@ fn the_tools_show_order_and_judge_a_swarm() {
     let missed = tool("order", &config, &["hold", "1", "2", "--timeout", "1.5"]);
     assert!(check(&missed, 1).contains("vehicle 2: not heard"));
     let silent = tool("order", &config, &["emergency"]);
-    assert!(check(&silent, 1).contains("vehicle 2: not heard"), "the ground's report names it");
-    assert_eq!(by_one.lock().unwrap().kind, Some(OrderKind::Emergency));
+    let told = check(&silent, 1);
+    assert!(told.contains("vehicle 2: not heard"), "the ground's report names it: {told}");
+    assert!(told.contains("vehicle 1: in force after "), "{told}");
+    // It stands until a start, which is refused while somebody is not heard.
+    assert!(check(&tool("status", &config, &[]), 1).contains("EMERGENCY STOP"));
+    check(&tool("order", &config, &["return"]), 1);
+    check(&tool("order", &config, &["start"]), 1);
 }
 
 #[test]

@@ -84,11 +84,9 @@ impl Knowledge {
             match kind {
                 // Nobody knows any more of a start by a station whose disk is lost that no operator gave it.
                 OrderKind::Start => self.stopped.remove(&vehicle),
-                OrderKind::Hold
-                | OrderKind::Return
-                | OrderKind::Land
-                | OrderKind::Emergency
-                | OrderKind::CutMotors => self.stopped.insert(vehicle),
+                OrderKind::Hold | OrderKind::Return | OrderKind::Land | OrderKind::CutMotors => {
+                    self.stopped.insert(vehicle)
+                }
             };
         }
     }
@@ -253,7 +251,7 @@ impl Ground {
                 self.known.take(now, self.store, &state, given);
                 In::Bus(Message::State(self.as_seen(state)))
             }
-            input @ (In::Bus(_) | In::Planned(_) | In::Pictured(_)) => input,
+            input @ (In::Bus(_) | In::Planned(_) | In::Pictured(_) | In::Stops(_)) => input,
         };
         self.station.handle(clock, input, &mut said).unwrap();
         Some(said)

@@ -86,7 +86,7 @@ impl Hand {
         };
         let holder = 50 + u64::from(number);
         let all: BTreeSet<VehicleId> = (1..=VEHICLES).map(VehicleId).collect();
-        let settings = OperatorSettings { hello, greets: true, holder, expected: all.clone(), possible: all };
+        let settings = OperatorSettings { hello, greets: true, holder, expected: all };
         let mut actor = ActorCell::new(Operator::new(settings));
         actor.push(In::Linked(true));
         Hand {

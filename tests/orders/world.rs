@@ -161,7 +161,7 @@ impl World {
 
     /// Lets the second operator follow a script.
     fn follow(&mut self) {
-        let kinds = [OrderKind::Start, OrderKind::Hold, OrderKind::Return, OrderKind::Emergency];
+        let kinds = [OrderKind::Start, OrderKind::Hold, OrderKind::Return, OrderKind::CutMotors];
         let first = self.chance.below("script kind", &[], kinds.len());
         let mut steps = Vec::new();
         for number in 0..3 {
@@ -184,18 +184,13 @@ impl World {
     fn draw_want(&self, hand: usize, number: u64) -> Want {
         let ids = [hand as u64, number];
         let kinds =
-            [OrderKind::Start, OrderKind::Hold, OrderKind::Return, OrderKind::Land, OrderKind::Emergency];
+            [OrderKind::Start, OrderKind::Hold, OrderKind::Return, OrderKind::Land, OrderKind::CutMotors];
         let is_in = |id: &VehicleId| self.chance.share("whom", &[ids[0], ids[1], u64::from(id.0)]) < 0.5;
         let is_all = self.chance.share("all", &ids) < 0.5;
         let some = (1..=VEHICLES).map(VehicleId).filter(|id| !is_all && is_in(id)).collect();
-        Want {
-            kind: kinds[self.chance.below("kind", &ids, kinds.len())],
-            vehicles: some,
-            run: None,
-            begins: true,
-            take_over: self.chance.share("take over", &ids) < 0.4,
-            within: WITHIN,
-        }
+        let kind = kinds[self.chance.below("kind", &ids, kinds.len())];
+        let take_over = self.chance.share("take over", &ids) < 0.4;
+        Want { begins: true, take_over, ..Want::new(kind, some, WITHIN) }
     }
 
     fn tick(&mut self) {
@@ -272,12 +267,12 @@ impl World {
     }
 
     fn tell_vehicle(&mut self, index: usize, heard: &Heard) {
-        let Heard::Message(_, message) = heard else { return };
+        let Heard::Message(sender, message) = heard else { return };
         if self.now < self.rovers[index].up_from {
             return;
         }
         match message {
-            Message::Order(order) => self.tell_order(index, order),
+            Message::Order(order) => self.tell_order(index, *sender, order),
             Message::Plan(plan) => self.tell_plan(index, plan),
             Message::Mission(mission) => self.rovers[index].follower.hear(self.now, &mission.into()),
             // Vehicles of this world have no map, no radio and no samples, and do not see each other.
@@ -298,7 +293,7 @@ impl World {
         self.step_vehicle(index, vehicle::In::Accepted(progress.run, progress.revision));
     }
 
-    fn tell_order(&mut self, index: usize, order: &Order) {
+    fn tell_order(&mut self, index: usize, sender: Sender, order: &Order) {
         let rover = &self.rovers[index];
         if order.vehicle != rover.id {
             return;
@@ -307,7 +302,7 @@ impl World {
         self.tally.below_disk += u64::from(is_fresh && (order.lease, order.revision) < rover.disk.highest);
         let mut order = order.clone();
         order.lease = self.as_compared(order.lease);
-        self.step_vehicle(index, vehicle::In::Order(order));
+        self.step_vehicle(index, vehicle::In::Order(sender, order));
     }
 
     fn tell_operator(&mut self, index: usize, mut heard: Heard) {
@@ -465,14 +460,9 @@ impl World {
             }
         }
         if self.now == at(LAST_WANT_S) {
-            let want = Want {
-                kind: OrderKind::Hold,
-                vehicles: BTreeSet::new(),
-                run: Some(RunId(1)),
-                begins: false,
-                take_over: self.chance.share("last", &[]) < 0.5,
-                within: LAST_WITHIN,
-            };
+            let take_over = self.chance.share("last", &[]) < 0.5;
+            let hold = Want::new(OrderKind::Hold, BTreeSet::new(), LAST_WITHIN);
+            let want = Want { run: Some(RunId(1)), take_over, ..hold };
             self.give(0, LAST, want);
         }
     }
@@ -496,7 +486,8 @@ impl World {
                         self.judge(index, id, &outcome);
                         self.hands[index].wants.remove(&id);
                     }
-                    Out::Cue(_) | Out::ScriptEnded(_) => {}
+                    // Nobody gives an emergency stop in this world.
+                    Out::Cue(_) | Out::ScriptEnded(_) | Out::Give(_) | Out::StopsNote(_) => {}
                 }
             }
         }

@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 use super::{MissionKind, SeenState};
 use crate::{EmergencyName, Lease, OperatorId, Position, Revision, RunId, VehicleId};
 
-/// What an operator wants of a vehicle.
+/// What an operator wants of a vehicle. What stops the whole swarm is no order: see [`EmergencyStop`].
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Debug, Serialize, Deserialize)]
 pub enum OrderKind {
     /// Begin or go on with the mission.
@@ -19,8 +19,6 @@ pub enum OrderKind {
     Land,
     /// Cut the motors at once, whatever falls; asked for separately and confirmed.
     CutMotors,
-    /// Stop at once.
-    Emergency,
 }
 
 impl OrderKind {
@@ -32,14 +30,8 @@ impl OrderKind {
             OrderKind::Hold => 1,
             OrderKind::Return => 2,
             OrderKind::Land => 3,
-            OrderKind::Emergency => 4,
-            OrderKind::CutMotors => 5,
+            OrderKind::CutMotors => 4,
         }
-    }
-
-    /// Returns whether it makes a vehicle stop at once, whatever else holds.
-    pub fn is_emergency(self) -> bool {
-        self.strength() >= OrderKind::Emergency.strength()
     }
 
     /// Returns the stronger of two.

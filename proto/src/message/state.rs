@@ -30,8 +30,8 @@ pub enum Mode {
     Landing,
     /// Stopped by an emergency stop that is open.
     Stopped,
-    /// Stopped by an emergency order; only a start order ends it.
-    Emergency,
+    /// An order has cut its motors; only a start ends it.
+    MotorsCut,
 }
 
 /// Why a vehicle stands and does not go on by itself. Of several reasons State names the first in this order; all open

@@ -82,7 +82,6 @@ fn order_kind() -> impl Strategy<Value = OrderKind> {
         OrderKind::Return,
         OrderKind::Land,
         OrderKind::CutMotors,
-        OrderKind::Emergency,
     ])
 }
 
@@ -194,7 +193,7 @@ fn state() -> impl Strategy<Value = State> {
         Mode::Climbing,
         Mode::Landing,
         Mode::Stopped,
-        Mode::Emergency,
+        Mode::MotorsCut,
     ]);
     let control = select(vec![Control::Ours, Control::Remote, Control::Own, Control::Silent]);
     let velocity = prop::array::uniform3(-1_000_000..=1_000_000)

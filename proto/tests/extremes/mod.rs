@@ -71,7 +71,7 @@ fn state() -> State {
         roll: Tilt::UNKNOWN,
         pitch: Tilt::UNKNOWN,
         velocity: Velocity { x_mmps: mmps, y_mmps: mmps, z_mmps: mmps },
-        mode: Mode::Emergency,
+        mode: Mode::MotorsCut,
         stands_under: Some(StandReason::Stop(EmergencyName(u32::MAX))),
         is_at_rest: true,
         control: Control::Silent,
@@ -84,7 +84,7 @@ fn state() -> State {
             lease: lease(),
             revision: Revision(NUMBER),
             run: RunId(NUMBER),
-            kind: Some(OrderKind::Emergency),
+            kind: Some(OrderKind::CutMotors),
         },
     }
 }
@@ -214,7 +214,7 @@ fn report() -> Report {
         expected: vehicles(256),
         members: vehicles(256),
         lost: vehicles(256),
-        in_force: Some(OrderKind::Emergency),
+        in_force: Some(OrderKind::CutMotors),
         runs: (0..16).rev().map(run).collect(),
         troubles: vec![text(200); 16],
     }

@@ -59,10 +59,7 @@ impl Station {
         let stood = self.standing.take();
         self.planned_at = now;
         match (stood, &self.phase) {
-            (
-                Some(OrderKind::Return | OrderKind::Land | OrderKind::Emergency | OrderKind::CutMotors),
-                Phase::Running(sweep, _),
-            ) => {
+            (Some(OrderKind::Return | OrderKind::Land | OrderKind::CutMotors), Phase::Running(sweep, _)) => {
                 let sweep = *sweep;
                 self.rest(now, sweep, out);
             }

@@ -633,7 +633,7 @@ fn a_lost_vehicle_that_was_stopped_comes_back_stopped() {
     let mut swarm = Swarm::sweeping(4);
     swarm.seconds(30);
     let revision = Revision(swarm.rovers[1].ordered.revision.0 + 1);
-    let (vehicle, lease, kind) = (VehicleId(2), LEASE, OrderKind::Emergency);
+    let (vehicle, lease, kind) = (VehicleId(2), LEASE, OrderKind::Land);
     swarm.rovers[1].obey(&Order { vehicle, lease, run: RUN, revision, seen: None, kind, ends: vec![] });
     swarm.seconds(2);
     swarm.rovers[1].is_cut = true;
@@ -642,8 +642,8 @@ fn a_lost_vehicle_that_was_stopped_comes_back_stopped() {
     assert_eq!((swarm.report().in_force, swarm.report().members.len()), (None, 3), "the others go on");
     swarm.rovers[1].is_cut = false;
     swarm.seconds(20);
-    assert_eq!(swarm.rovers[1].ordered.kind, Some(OrderKind::Emergency));
-    assert_eq!(swarm.report().in_force, Some(OrderKind::Emergency));
+    assert_eq!(swarm.rovers[1].ordered.kind, Some(OrderKind::Land));
+    assert_eq!(swarm.report().in_force, Some(OrderKind::Land));
 }
 
 #[test]

@@ -207,7 +207,7 @@ fn said_within(station: &mut Station, within_s: f64) -> Vec<Out> {
 
 #[test]
 fn what_the_operator_has_stopped_only_the_operator_starts() {
-    for kind in [OrderKind::Hold, OrderKind::Return, OrderKind::Land, OrderKind::Emergency] {
+    for kind in [OrderKind::Hold, OrderKind::Return, OrderKind::Land, OrderKind::CutMotors] {
         let mut station = running();
         shows(&mut station, 10.0, RUN, kind);
         let task = Task {
@@ -231,7 +231,7 @@ fn what_the_operator_has_stopped_only_the_operator_starts() {
 fn an_order_stands_too_while_a_sweep_is_being_stopped_or_only_wished() {
     let mut stopping = station();
     shows(&mut stopping, 0.1, RUN, OrderKind::Start);
-    shows(&mut stopping, 0.2, RUN, OrderKind::Emergency);
+    shows(&mut stopping, 0.2, RUN, OrderKind::Land);
     told(&mut stopping, 0.3, state());
     let mut out = said_within(&mut stopping, 600.0);
     out.extend(told(&mut stopping, 601.0, progress(1, None)));

@@ -3,7 +3,7 @@
 use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
-use tomoswarm_proto::{Boot, LayerId, Lease, Message, RunId, TileAddress, VehicleId};
+use tomoswarm_proto::{Boot, EmergencyStop, LayerId, Lease, Message, RunId, TileAddress, VehicleId};
 
 use super::super::imager::Job;
 use super::super::planner::{Answer, Request};
@@ -20,6 +20,8 @@ pub enum In {
     Planned(Answer),
     /// A picture was made.
     Pictured(PictureName),
+    /// Which emergency stops are open.
+    Stops(Vec<EmergencyStop>),
 }
 
 /// What the station can say.
@@ -154,7 +156,7 @@ impl Input for In {
             In::Bus(Message::Tile(report)) => Class::Latest(Key::Tile(report.layer, report.address)),
             In::Planned(_) => Class::Latest(Key::Planned),
             In::Pictured(name) => Class::Latest(Key::Pictured(*name)),
-            In::Bus(_) => Class::Queue,
+            In::Bus(_) | In::Stops(_) => Class::Queue,
         }
     }
 

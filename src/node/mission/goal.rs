@@ -1,7 +1,7 @@
 //! What is wanted of a vehicle, by its operator or by itself, as one state: each carries what belongs to it alone.
 //!
 //! ```text
-//!                  Start                     Hold, Emergency; battery empty, or nobody heard
+//!                  Start                     Hold, emergency stop; battery empty, nobody heard
 //!   Waiting ───────────► Following ◄──────────────────────────────────────────► Held
 //!                           │ Return; bus lost, battery low      Start            │ Return
 //!                           ▼                                                     ▼

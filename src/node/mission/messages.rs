@@ -2,8 +2,8 @@
 
 use serde::{Deserialize, Serialize};
 use tomoswarm_proto::{
-    LayerId, Mission, Order, Plan, Revision, RunId, Sender, StandReason, State, StopId, TileAddress,
-    TileReport, VehicleId,
+    EmergencyStop, LayerId, Mission, Order, Plan, Revision, RunId, Sender, StandReason, State, StopId,
+    TileAddress, TileReport, VehicleId,
 };
 
 use super::autonomy::Cause;
@@ -36,6 +36,8 @@ pub enum In {
     Heard(Sender),
     /// An order that the vehicle has accepted.
     Order(Order),
+    /// Which emergency stops are open.
+    Stops(Vec<EmergencyStop>),
     /// What the vehicle's envelope or reflex decided.
     Remark(vehicle::Remark),
     /// How it stands with what was to be remembered.
@@ -181,7 +183,7 @@ impl Input for In {
             In::Heard(by) => Class::Latest(Key::Heard(*by)),
             In::Order(_) => Class::Latest(Key::Order),
             In::Remembered(_) => Class::Latest(Key::Remembered),
-            In::Remark(_) => Class::Queue,
+            In::Remark(_) | In::Stops(_) => Class::Queue,
         }
     }
 

@@ -30,7 +30,7 @@ use std::collections::BTreeSet;
 use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
-use tomoswarm_proto::{Order, OrderKind, Plan, RunId, SeenState, StandReason, VehicleId};
+use tomoswarm_proto::{EmergencyStop, Order, OrderKind, Plan, RunId, SeenState, StandReason, VehicleId};
 
 use self::autonomy::Links;
 use self::goal::{By, Goal, Return, ReturnStage};
@@ -45,6 +45,7 @@ use super::vehicle::{self, Command};
 use super::{OwnState, Settings};
 use crate::actor::{Actor, Fault};
 use crate::geom::Point;
+use crate::stops::first_that_stops;
 use crate::sweep::{VehicleProgress, WaitsFor};
 use crate::time::{Deadline, Time};
 
@@ -282,7 +283,7 @@ impl Mission {
                 }
                 self.goal = Goal::Following;
             }
-            OrderKind::Hold | OrderKind::Land | OrderKind::Emergency | OrderKind::CutMotors => {
+            OrderKind::Hold | OrderKind::Land | OrderKind::CutMotors => {
                 self.goal = Goal::Held(By::Order);
                 self.stop(now, out);
             }
@@ -291,6 +292,16 @@ impl Mission {
                 self.stop(now, out);
             }
         }
+        self.go_on(now, out);
+    }
+
+    /// Takes which emergency stops are open. One that stops the vehicle holds it as an order does, until a start.
+    fn emergency(&mut self, now: Time, open: &[EmergencyStop], out: &mut Vec<Out>) {
+        if first_that_stops(open, self.settings.vehicle).is_none() {
+            return;
+        }
+        self.goal = Goal::Held(By::Order);
+        self.stop(now, out);
         self.go_on(now, out);
     }
 
@@ -389,6 +400,7 @@ impl Actor for Mission {
             }
             In::Heard(by) => self.links.heard_bus(now, self.settings.vehicle, by),
             In::Order(order) => self.order(now, order, out),
+            In::Stops(open) => self.emergency(now, &open, out),
             In::Remark(remark) => self.remark(now, &remark),
             In::Remembered(Remembered { on_disk, .. }) => {
                 for plan in self.leases.remembered(on_disk) {

@@ -31,6 +31,9 @@ impl Vehicle {
         if now.since(decided) > COMMAND_AGE || self.orders.have_overtaken(decided) {
             return Err(Refusal::Old);
         }
+        if self.emergency.stands() {
+            return Err(Refusal::Emergency);
+        }
         if let Some(refusal) = self.orders.restraint().refusal() {
             return Err(refusal);
         }

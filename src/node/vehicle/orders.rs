@@ -36,6 +36,8 @@ pub(super) struct Orders {
     restraint: Restraint,
     /// When one that stops the vehicle took effect last: what was decided before it is not driven.
     stopped_at: Option<Time>,
+    /// When an emergency stop stopped the vehicle last, or was lifted: what answers an earlier state does not send it out.
+    answers_from: Option<Time>,
 }
 
 /// What follows at once from an order that was accepted.
@@ -87,12 +89,30 @@ impl Orders {
         }
         let motors = match order.kind {
             OrderKind::Start | OrderKind::Return => None,
-            kind @ (OrderKind::Hold | OrderKind::Land | OrderKind::Emergency | OrderKind::CutMotors) => {
+            kind @ (OrderKind::Hold | OrderKind::Land | OrderKind::CutMotors) => {
                 self.restraint.obey(now, kind)
             }
         };
         self.waiting = Some(order);
         Accepted { motors, memory: is_news.then(|| Memory::of_order(edition)) }
+    }
+
+    /// Takes that an emergency stop holds the vehicle: an order to set out that waits for the disk is gone, and no earlier
+    /// one counts after it.
+    pub fn hold(&mut self, now: Time) {
+        self.waiting.take_if(|order| !stays(order.kind));
+        self.restraint.obey(now, OrderKind::Hold);
+        (self.stopped_at, self.answers_from) = (Some(now), Some(now));
+    }
+
+    /// Takes that the last emergency stop was lifted: only what answers a state from now on sends the vehicle out.
+    pub fn answer_from(&mut self, now: Time) {
+        self.answers_from = Some(now);
+    }
+
+    /// Returns after which moment states were made that may be answered by what sends the vehicle out; `None` = any.
+    pub fn answers_from(&self) -> Option<Time> {
+        self.answers_from
     }
 
     /// Takes how it stands with the disk.
@@ -115,7 +135,7 @@ impl Orders {
         }
         let motors = match kind {
             OrderKind::Start | OrderKind::Return => self.restraint.obey(now, kind),
-            OrderKind::Hold | OrderKind::Land | OrderKind::Emergency | OrderKind::CutMotors => None,
+            OrderKind::Hold | OrderKind::Land | OrderKind::CutMotors => None,
         };
         Some((order, motors))
     }
@@ -153,7 +173,7 @@ impl Orders {
 /// Returns whether an order of a kind is not too late; `is_answer` when it answers a state that was made lately.
 fn is_in_time(kind: OrderKind, is_answer: bool) -> bool {
     match kind {
-        OrderKind::Hold | OrderKind::Emergency | OrderKind::Land | OrderKind::CutMotors => true,
+        OrderKind::Hold | OrderKind::Land | OrderKind::CutMotors => true,
         OrderKind::Start | OrderKind::Return => is_answer,
     }
 }
@@ -169,17 +189,21 @@ fn may_be_obeyed(order: &Order, disk: &Remembered) -> bool {
 pub(super) fn stops(kind: OrderKind) -> bool {
     match kind {
         OrderKind::Start => false,
-        OrderKind::Hold
-        | OrderKind::Return
-        | OrderKind::Land
-        | OrderKind::Emergency
-        | OrderKind::CutMotors => true,
+        OrderKind::Hold | OrderKind::Return | OrderKind::Land | OrderKind::CutMotors => true,
+    }
+}
+
+/// Returns whether an order keeps the vehicle where it is.
+fn stays(kind: OrderKind) -> bool {
+    match kind {
+        OrderKind::Start | OrderKind::Return => false,
+        OrderKind::Hold | OrderKind::Land | OrderKind::CutMotors => true,
     }
 }
 
 /// Joins two unread orders: within one lease the stronger kind wins, otherwise the order of the greater lease.
 ///
-/// cut motors > emergency > land > return > hold > start; the joined order carries the higher revision, so that
+/// cut motors > land > return > hold > start; the joined order carries the higher revision, so that
 /// neither of the two comes back.
 pub fn join_orders(unread: Order, newer: Order) -> Order {
     if unread.lease != newer.lease {
@@ -215,7 +239,7 @@ mod tests {
         let mut orders = Orders::default();
         obey(&mut orders, Time::ZERO, order(OrderKind::Hold, 3, 5));
         for (number, revision, is_higher) in [(3, 6, true), (3, 5, false), (4, 1, true), (2, 9, false)] {
-            for kind in [OrderKind::Hold, OrderKind::Land, OrderKind::Emergency, OrderKind::CutMotors] {
+            for kind in [OrderKind::Hold, OrderKind::Land, OrderKind::CutMotors] {
                 assert_eq!(orders.accepts(&order(kind, number, revision), false), is_higher, "{kind:?}");
             }
             for kind in [OrderKind::Start, OrderKind::Return] {

@@ -42,9 +42,11 @@ impl Reports {
         self.mission_holds = holds;
     }
 
-    /// Returns whether what answers a state of this `boot` was said in time.
-    pub fn is_answer(&self, now: Time, boot: Boot, seen: Option<SeenState>) -> bool {
-        seen.is_some_and(|seen| seen.boot == boot && self.made.is_fresh(now, seen.sequence))
+    /// Returns whether what answers a state of this `boot` was said in time, and answers one of after a moment.
+    pub fn is_answer(&self, now: Time, boot: Boot, seen: Option<SeenState>, after: Option<Time>) -> bool {
+        let is_of_then = |sequence| after.is_none_or(|after| self.made.made_at(sequence) > Some(after));
+        let is_fresh = |sequence| self.made.is_fresh(now, sequence) && is_of_then(sequence);
+        seen.is_some_and(|seen| seen.boot == boot && is_fresh(seen.sequence))
     }
 
     /// Returns the number of the newest state.
@@ -123,8 +125,12 @@ impl Vehicle {
 
     /// Returns why the vehicle does not go on by itself, as far as it is known here.
     fn stands_under(&self, own: &OwnState) -> Option<StandReason> {
+        if let Some(name) = self.emergency.stop() {
+            return Some(StandReason::Stop(name));
+        }
         match self.orders.restraint() {
-            Restraint::Held | Restraint::Landing(_) | Restraint::Emergency(_) => Some(StandReason::Held),
+            _ if self.emergency.stands() => Some(StandReason::Held),
+            Restraint::Held | Restraint::Landing(_) | Restraint::MotorsCut(_) => Some(StandReason::Held),
             Restraint::Free if own.pose.sd_m > self.settings.swarm.pose_sd_max_m => {
                 Some(StandReason::NoPlace)
             }
@@ -133,8 +139,11 @@ impl Vehicle {
     }
 
     fn mode(&self, motion: Motion) -> Mode {
+        if self.emergency.stop().is_some() {
+            return Mode::Stopped;
+        }
         match (self.orders.restraint(), motion) {
-            (Restraint::Emergency(_), Motion::Resting | Motion::Turning | Motion::Driving) => Mode::Emergency,
+            (Restraint::MotorsCut(_), Motion::Resting | Motion::Turning | Motion::Driving) => Mode::MotorsCut,
             (Restraint::Free | Restraint::Held | Restraint::Landing(_), Motion::Driving) => Mode::Driving,
             (Restraint::Free | Restraint::Held | Restraint::Landing(_), Motion::Turning) => Mode::Turning,
             (Restraint::Held | Restraint::Landing(_), Motion::Resting) => Mode::Held,

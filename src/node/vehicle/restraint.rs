@@ -9,8 +9,8 @@ use super::disarming::Disarming;
 use super::words::{Fly, Refusal, Telemetry};
 use crate::time::Time;
 
-/// How far orders hold the vehicle back. One that may move, or only holds, has its motors; one that has landed, or is
-/// under an emergency, is being disarmed.
+/// How far orders hold the vehicle back. One that may move, or only holds, has its motors; one that has landed, or
+/// whose motors were cut, is being disarmed.
 #[derive(Clone, Copy, PartialEq, Debug, Default, Serialize, Deserialize)]
 pub(super) enum Restraint {
     /// It may move.
@@ -20,29 +20,25 @@ pub(super) enum Restraint {
     Held,
     /// It stands and is disarmed, until a start or a return.
     Landing(Disarming),
-    /// It stands and is disarmed, until a start.
-    Emergency(Disarming),
+    /// Its motors were cut, and it stands until a start.
+    MotorsCut(Disarming),
 }
 
 impl Restraint {
     /// Takes an order that is obeyed; returns what the motors are told at once.
     pub fn obey(&mut self, now: Time, kind: OrderKind) -> Option<Fly> {
-        use Restraint::{Emergency, Free, Held, Landing};
+        use Restraint::{Free, Held, Landing, MotorsCut};
         let (next, motors) = match (*self, kind) {
-            (Free | Held | Landing(_) | Emergency(_), OrderKind::Start) => (Free, Some(Fly::Arm)),
+            (Free | Held | Landing(_) | MotorsCut(_), OrderKind::Start) => (Free, Some(Fly::Arm)),
             (Free | Held | Landing(_), OrderKind::Return) => (Free, Some(Fly::Arm)),
             (Free | Held, OrderKind::Hold) => (Held, None),
-            (same @ (Landing(_) | Emergency(_)), OrderKind::Hold) => (same, None),
-            (same @ Emergency(_), OrderKind::Return) => (same, None),
+            (same @ (Landing(_) | MotorsCut(_)), OrderKind::Hold) => (same, None),
+            (same @ MotorsCut(_), OrderKind::Return) => (same, None),
             (Free | Held, OrderKind::Land) => (Landing(Disarming::at_rest(now)), None),
             (Landing(disarming), OrderKind::Land) => (Landing(disarming.again(now)), None),
-            (Free | Held, OrderKind::Emergency) => (Emergency(Disarming::at_rest(now)), None),
-            (Landing(disarming), OrderKind::Emergency)
-            | (Emergency(disarming), OrderKind::Land | OrderKind::Emergency) => {
-                (Emergency(disarming.again(now)), None)
-            }
-            (Free | Held | Landing(_) | Emergency(_), OrderKind::CutMotors) => {
-                (Emergency(Disarming::told(now)), Some(Fly::Disarm))
+            (MotorsCut(disarming), OrderKind::Land) => (MotorsCut(disarming.again(now)), None),
+            (Free | Held | Landing(_) | MotorsCut(_), OrderKind::CutMotors) => {
+                (MotorsCut(Disarming::told(now)), Some(Fly::Disarm))
             }
         };
         *self = next;
@@ -53,7 +49,7 @@ impl Restraint {
     pub fn take(&mut self, now: Time, telemetry: &Telemetry) -> Option<Fly> {
         match self {
             Restraint::Free | Restraint::Held => None,
-            Restraint::Landing(disarming) | Restraint::Emergency(disarming) => {
+            Restraint::Landing(disarming) | Restraint::MotorsCut(disarming) => {
                 disarming.take(now, telemetry).then_some(Fly::Disarm)
             }
         }
@@ -65,7 +61,7 @@ impl Restraint {
             Restraint::Free => None,
             Restraint::Held | Restraint::Landing(Disarming::AtRest { .. }) => Some(Refusal::Held),
             Restraint::Landing(Disarming::Told { .. }) => Some(Refusal::Disarmed),
-            Restraint::Emergency(_) => Some(Refusal::Emergency),
+            Restraint::MotorsCut(_) => Some(Refusal::Disarmed),
         }
     }
 }
@@ -75,14 +71,8 @@ mod tests {
     use super::*;
     use crate::node::tests_support::variant_of;
 
-    const KINDS: [OrderKind; 6] = [
-        OrderKind::Start,
-        OrderKind::Hold,
-        OrderKind::Return,
-        OrderKind::Land,
-        OrderKind::Emergency,
-        OrderKind::CutMotors,
-    ];
+    const KINDS: [OrderKind; 5] =
+        [OrderKind::Start, OrderKind::Hold, OrderKind::Return, OrderKind::Land, OrderKind::CutMotors];
 
     fn after(orders: &[OrderKind]) -> Restraint {
         let mut restraint = Restraint::default();
@@ -94,17 +84,15 @@ mod tests {
 
     #[test]
     fn every_order_leads_from_every_state_where_the_drawing_says() {
-        let check = |before: &[OrderKind], expected: [&str; 6]| {
+        let check = |before: &[OrderKind], expected: [&str; 5]| {
             let leads = KINDS.map(|kind| variant_of(&after(&[before, &[kind]].concat())));
             assert_eq!(leads, expected, "after {before:?}");
         };
-        let (held, landing, emergency) = ("Held", "Landing", "Emergency");
-        check(&[], ["Free", held, "Free", landing, emergency, emergency]);
-        check(&[OrderKind::Hold], ["Free", held, "Free", landing, emergency, emergency]);
-        check(&[OrderKind::Land], ["Free", landing, "Free", landing, emergency, emergency]);
-        for stops in [OrderKind::Emergency, OrderKind::CutMotors] {
-            check(&[stops], ["Free", emergency, emergency, emergency, emergency, emergency]);
-        }
+        let (held, landing, cut) = ("Held", "Landing", "MotorsCut");
+        check(&[], ["Free", held, "Free", landing, cut]);
+        check(&[OrderKind::Hold], ["Free", held, "Free", landing, cut]);
+        check(&[OrderKind::Land], ["Free", landing, "Free", landing, cut]);
+        check(&[OrderKind::CutMotors], ["Free", cut, cut, cut, cut]);
     }
 
     #[test]
@@ -116,11 +104,7 @@ mod tests {
                 let expected = match kind {
                     OrderKind::CutMotors => Some(Fly::Disarm),
                     OrderKind::Start | OrderKind::Return if restraint == Restraint::Free => Some(Fly::Arm),
-                    OrderKind::Start
-                    | OrderKind::Return
-                    | OrderKind::Hold
-                    | OrderKind::Land
-                    | OrderKind::Emergency => None,
+                    OrderKind::Start | OrderKind::Return | OrderKind::Hold | OrderKind::Land => None,
                 };
                 assert_eq!(motors, expected, "{kind:?} after {before:?}");
             }
@@ -133,15 +117,15 @@ mod tests {
         assert_eq!(after(&[OrderKind::Hold]).refusal(), Some(Refusal::Held));
         assert_eq!(after(&[OrderKind::Land]).refusal(), Some(Refusal::Held), "it is armed still");
         assert_eq!(Restraint::Landing(Disarming::told(Time::ZERO)).refusal(), Some(Refusal::Disarmed));
-        assert_eq!(after(&[OrderKind::CutMotors]).refusal(), Some(Refusal::Emergency));
+        assert_eq!(after(&[OrderKind::CutMotors]).refusal(), Some(Refusal::Disarmed));
     }
 
     #[test]
-    fn a_hold_lifts_no_landing_and_a_landing_no_emergency() {
+    fn a_hold_lifts_no_landing_and_a_landing_gives_no_motors_back() {
         let landing = after(&[OrderKind::Land]);
         assert_eq!(after(&[OrderKind::Land, OrderKind::Hold]), landing);
-        let emergency = after(&[OrderKind::Emergency]);
-        assert_eq!(after(&[OrderKind::Emergency, OrderKind::Land]), emergency);
-        assert_eq!(after(&[OrderKind::Land, OrderKind::Emergency]), emergency);
+        let cut = variant_of(&after(&[OrderKind::CutMotors]));
+        assert_eq!(variant_of(&after(&[OrderKind::CutMotors, OrderKind::Land])), cut);
+        assert_eq!(variant_of(&after(&[OrderKind::Land, OrderKind::CutMotors])), cut);
     }
 }

@@ -1,13 +1,14 @@
 //! What the vehicle actor refuses, obeys and reports.
 
 use super::super::tests_support::{settings, state};
-use tomoswarm_proto::{Boot, Deviation, Lease, LegReport, Mode, OrderKind, Permille, SeenState, Tilt};
+use tomoswarm_proto::{Boot, Deviation, Lease, LegReport, Mode, OperatorId, Permille, SeenState, Tilt};
 
 use super::*;
 use crate::geom::Angle;
 use crate::geom::Pose;
 
 mod drawings;
+mod emergencies;
 mod laws;
 mod memory;
 
@@ -26,6 +27,7 @@ fn at(time_s: f64) -> Time {
 /// A vehicle at rest at the datum that has heard its autopilot once, at 1 s.
 fn vehicle() -> Vehicle {
     let mut vehicle = Vehicle::new(settings(1));
+    vehicle.readiness = Readiness::Ready;
     told(&mut vehicle, 1.0, telemetry(0.0, 0.0, 0.05));
     vehicle
 }
@@ -50,6 +52,11 @@ fn handled(vehicle: &mut Vehicle, now: Time, input: In, out: &mut Vec<Out>) {
 fn drive(corners: &[(f64, f64)]) -> In {
     let route = corners.iter().map(|(x_m, y_m)| Point::new(*x_m, *y_m)).collect();
     In::Command(Time::NEVER, Command::Drive { stop: None, route })
+}
+
+/// What an operator orders.
+fn given(order: Order) -> In {
+    In::Order(Sender::Operator(OperatorId(1)), order)
 }
 
 /// An order that answers a state of this number; 0 = none was heard.
@@ -165,22 +172,11 @@ fn a_silent_autopilot_is_reported_once() {
 }
 
 #[test]
-fn an_emergency_stands_until_a_start() {
-    let mut vehicle = vehicle();
-    let out = told(&mut vehicle, 1.1, In::Order(order(OrderKind::Emergency, LEASE, 1, 0)));
-    assert!(stops(&out) && obeyed(&out));
-    let drives = || drive(&[(0.0, 0.0), (1.0, 0.0)]);
-    assert_eq!(refusal(&told(&mut vehicle, 1.2, drives())), Some(Refusal::Emergency));
-    assert!(obeyed(&told(&mut vehicle, 1.3, In::Order(order(OrderKind::Start, LEASE, 2, 1)))));
-    assert!(flies(&told(&mut vehicle, 1.4, drives())));
-}
-
-#[test]
 fn higher_leases_and_revisions_win_and_old_orders_are_not_obeyed() {
     let check = |lease, revision, expected: bool| {
         let mut vehicle = vehicle();
-        assert!(obeyed(&told(&mut vehicle, 1.0, In::Order(order(OrderKind::Hold, LEASE, 5, 1)))));
-        let out = told(&mut vehicle, 1.1, In::Order(order(OrderKind::Start, lease, revision, 1)));
+        assert!(obeyed(&told(&mut vehicle, 1.0, given(order(OrderKind::Hold, LEASE, 5, 1)))));
+        let out = told(&mut vehicle, 1.1, given(order(OrderKind::Start, lease, revision, 1)));
         assert_eq!(obeyed(&out), expected, "{lease:?} {revision}");
     };
     check(LEASE, 6, true);
@@ -197,11 +193,11 @@ fn a_start_that_answers_an_old_state_is_too_late_but_a_hold_never_is() {
     let mut vehicle = vehicle();
     told(&mut vehicle, 30.0, telemetry(0.0, 0.0, 0.05));
     for kind in [OrderKind::Start, OrderKind::Return] {
-        assert!(!obeyed(&told(&mut vehicle, 30.0, In::Order(order(kind, LEASE, 1, 1)))), "29 s old");
-        assert!(!obeyed(&told(&mut vehicle, 30.0, In::Order(order(kind, LEASE, 1, 77)))), "never made");
+        assert!(!obeyed(&told(&mut vehicle, 30.0, given(order(kind, LEASE, 1, 1)))), "29 s old");
+        assert!(!obeyed(&told(&mut vehicle, 30.0, given(order(kind, LEASE, 1, 77)))), "never made");
     }
-    assert!(obeyed(&told(&mut vehicle, 30.0, In::Order(order(OrderKind::Hold, LEASE, 1, 1)))));
-    assert!(obeyed(&told(&mut vehicle, 30.0, In::Order(order(OrderKind::Start, LEASE, 2, 2)))));
+    assert!(obeyed(&told(&mut vehicle, 30.0, given(order(OrderKind::Hold, LEASE, 1, 1)))));
+    assert!(obeyed(&told(&mut vehicle, 30.0, given(order(OrderKind::Start, LEASE, 2, 2)))));
 }
 
 #[test]
@@ -210,19 +206,19 @@ fn unread_orders_join_to_the_stronger_and_the_newer_revision() {
         |unread: Order, newer: Order, expected: Order| assert_eq!(join_orders(unread, newer), expected);
     let of = |kind, revision| order(kind, LEASE, revision, 1);
     check(of(OrderKind::Hold, 1), of(OrderKind::Start, 2), of(OrderKind::Hold, 2));
-    check(of(OrderKind::Start, 2), of(OrderKind::Emergency, 1), of(OrderKind::Emergency, 2));
+    check(of(OrderKind::Start, 2), of(OrderKind::Land, 1), of(OrderKind::Land, 2));
     check(of(OrderKind::Return, 3), of(OrderKind::Land, 4), of(OrderKind::Land, 4));
     let taken_over = order(OrderKind::Start, Lease { number: 4, holder: 9 }, 1, 1);
-    check(of(OrderKind::Emergency, 1), taken_over.clone(), taken_over.clone());
-    check(taken_over.clone(), of(OrderKind::Emergency, 1), taken_over);
+    check(of(OrderKind::Land, 1), taken_over.clone(), taken_over.clone());
+    check(taken_over.clone(), of(OrderKind::Land, 1), taken_over);
 }
 
 #[test]
 fn an_unread_emergency_is_not_lost_to_an_order_for_another_vehicle_or_run() {
     let check = |newer: Order| {
         let mut seat = crate::actor::ActorCell::new(vehicle());
-        seat.push(In::Order(order(OrderKind::Emergency, LEASE, 1, 0)));
-        seat.push(In::Order(newer.clone()));
+        seat.push(given(order(OrderKind::Land, LEASE, 1, 0)));
+        seat.push(given(newer.clone()));
         let mut out = Vec::new();
         seat.act(at(1.1), |said| out.push(said)).unwrap();
         assert!(stops(&out), "{newer:?}");
@@ -262,10 +258,10 @@ fn a_held_vehicle_says_so_until_it_is_started_or_sent_home() {
     for held in [OrderKind::Hold, OrderKind::Land] {
         for freed in [OrderKind::Start, OrderKind::Return] {
             let mut vehicle = vehicle();
-            told(&mut vehicle, 1.1, In::Order(order(held, LEASE, 1, 1)));
+            told(&mut vehicle, 1.1, given(order(held, LEASE, 1, 1)));
             assert_eq!(mode(&mut vehicle, 0.3), Mode::Driving, "it still brakes");
             assert_eq!(mode(&mut vehicle, 0.0), Mode::Held);
-            told(&mut vehicle, 1.2, In::Order(order(freed, LEASE, 2, 1)));
+            told(&mut vehicle, 1.2, given(order(freed, LEASE, 2, 1)));
             assert_eq!(mode(&mut vehicle, 0.0), Mode::Idle);
         }
     }
@@ -277,8 +273,8 @@ fn an_order_is_judged_by_the_age_of_its_state_however_often_states_are_made() {
     for tick in 0..1000 {
         told(&mut vehicle, 2.0 + 0.01 * f64::from(tick), telemetry(0.0, 0.0, 0.05));
     }
-    assert!(obeyed(&told(&mut vehicle, 12.0, In::Order(order(OrderKind::Start, LEASE, 1, 2)))), "10 s old");
-    assert!(!obeyed(&told(&mut vehicle, 18.0, In::Order(order(OrderKind::Start, LEASE, 2, 2)))), "16 s old");
+    assert!(obeyed(&told(&mut vehicle, 12.0, given(order(OrderKind::Start, LEASE, 1, 2)))), "10 s old");
+    assert!(!obeyed(&told(&mut vehicle, 18.0, given(order(OrderKind::Start, LEASE, 2, 2)))), "16 s old");
 }
 
 fn flown(out: &[Out]) -> Vec<Fly> {
@@ -301,32 +297,12 @@ fn a_command_decided_long_ago_is_refused_and_a_late_hold_obeyed() {
 }
 
 #[test]
-fn an_emergency_holds_and_disarms_once_at_rest_and_a_start_arms() {
-    let lease = Lease::default();
-    let mut vehicle = vehicle();
-    told(&mut vehicle, 1.0, drive(&[(0.0, 0.0), (3.0, 0.0)]));
-    told(&mut vehicle, 2.0, telemetry(0.5, 0.5, 0.05));
-    let out = told(&mut vehicle, 2.0, In::Order(order(OrderKind::Emergency, lease, 1, 1)));
-    assert_eq!(flown(&out), [Fly::Stop], "at once");
-    let mut disarmed = Vec::new();
-    for (tenth, speed_mps) in [(1, 0.4), (4, 0.1), (8, 0.0), (9, 0.0), (10, 0.0)] {
-        let now_s = 2.0 + 0.1 * f64::from(tenth);
-        for fly in flown(&told(&mut vehicle, now_s, telemetry(0.6, speed_mps, 0.05))) {
-            disarmed.push((tenth, fly));
-        }
-    }
-    assert_eq!(disarmed, [(4, Fly::Stop), (8, Fly::Disarm)], "it brakes still after 0.3 s");
-    let out = told(&mut vehicle, 3.1, In::Order(order(OrderKind::Start, lease, 2, 1)));
-    assert_eq!(flown(&out), [Fly::Arm]);
-}
-
-#[test]
 fn cutting_the_motors_disarms_at_once_and_nothing_is_driven_until_a_start() {
     let lease = Lease::default();
     let mut vehicle = vehicle();
-    let out = told(&mut vehicle, 1.0, In::Order(order(OrderKind::CutMotors, lease, 1, 1)));
+    let out = told(&mut vehicle, 1.0, given(order(OrderKind::CutMotors, lease, 1, 1)));
     assert_eq!(flown(&out), [Fly::Stop, Fly::Disarm]);
-    let land = In::Order(order(OrderKind::Start, lease, 2, 1));
+    let land = given(order(OrderKind::Start, lease, 2, 1));
     told(&mut vehicle, 1.1, land);
     assert!(flies(&told(&mut vehicle, 1.2, drive(&[(0.0, 0.0), (3.0, 0.0)]))));
 }
@@ -334,7 +310,7 @@ fn cutting_the_motors_disarms_at_once_and_nothing_is_driven_until_a_start() {
 #[test]
 fn a_landed_rover_holds_is_disarmed_and_refuses_to_drive() {
     let mut vehicle = vehicle();
-    told(&mut vehicle, 1.0, In::Order(order(OrderKind::Land, Lease::default(), 1, 1)));
+    told(&mut vehicle, 1.0, given(order(OrderKind::Land, Lease::default(), 1, 1)));
     assert_eq!(flown(&told(&mut vehicle, 1.5, telemetry(0.0, 0.0, 0.05))), [Fly::Disarm]);
     let out = told(&mut vehicle, 1.6, drive(&[(0.0, 0.0), (3.0, 0.0)]));
     assert_eq!(refusal(&out), Some(Refusal::Disarmed));
@@ -379,21 +355,21 @@ fn an_order_to_stop_brakes_at_once_and_what_was_decided_before_it_is_not_driven(
         let mut vehicle = vehicle();
         told(&mut vehicle, 1.0, drive(&[(0.0, 0.0), (3.0, 0.0)]));
         told(&mut vehicle, 2.0, telemetry(0.5, 0.5, 0.05));
-        let out = told(&mut vehicle, 2.1, In::Order(order(kind, LEASE, 1, 1)));
+        let out = told(&mut vehicle, 2.1, given(order(kind, LEASE, 1, 1)));
         assert!(stops(&out) && obeyed(&out), "{kind:?}: without a word of the mission");
         assert_eq!(refusal(&told(&mut vehicle, 2.2, decided(2.0))), Some(before), "{kind:?}");
         assert_eq!(refusal(&told(&mut vehicle, 2.3, decided(2.2))), after, "{kind:?}");
-        told(&mut vehicle, 2.4, In::Order(order(OrderKind::Start, LEASE, 2, 1)));
+        told(&mut vehicle, 2.4, given(order(OrderKind::Start, LEASE, 2, 1)));
         assert!(flies(&told(&mut vehicle, 2.5, decided(2.45))), "{kind:?}, then a start");
     }
 }
 
 #[test]
 fn a_stop_that_was_lost_is_said_again_until_the_vehicle_rests() {
-    for kind in [OrderKind::Emergency, OrderKind::Hold, OrderKind::Land] {
+    for kind in [OrderKind::Hold, OrderKind::Land] {
         let mut vehicle = vehicle();
         told(&mut vehicle, 1.0, drive(&[(0.0, 0.0), (9.0, 0.0)]));
-        told(&mut vehicle, 2.0, In::Order(order(kind, LEASE, 1, 1)));
+        told(&mut vehicle, 2.0, given(order(kind, LEASE, 1, 1)));
         let said = |vehicle: &mut Vehicle, tenth: u32, speed_mps: f64| {
             stops(&told(vehicle, 2.0 + 0.1 * f64::from(tenth), moving(0.5, speed_mps, true)))
         };
@@ -406,7 +382,7 @@ fn a_stop_that_was_lost_is_said_again_until_the_vehicle_rests() {
 #[test]
 fn a_disarming_that_was_lost_is_said_again_until_telemetry_shows_it() {
     let mut vehicle = vehicle();
-    told(&mut vehicle, 2.0, In::Order(order(OrderKind::CutMotors, LEASE, 1, 1)));
+    told(&mut vehicle, 2.0, given(order(OrderKind::CutMotors, LEASE, 1, 1)));
     let said = |vehicle: &mut Vehicle, tenth: u32, is_armed: bool| {
         let out = told(vehicle, 2.0 + 0.1 * f64::from(tenth), moving(0.0, 0.0, is_armed));
         flown(&out).contains(&Fly::Disarm)
@@ -414,7 +390,7 @@ fn a_disarming_that_was_lost_is_said_again_until_telemetry_shows_it() {
     let again: Vec<u32> = (1..=10).filter(|tenth| said(&mut vehicle, *tenth, true)).collect();
     assert!((3..=4).contains(&again.len()), "{again:?}");
     assert!(!(11..=20).any(|tenth| said(&mut vehicle, tenth, false)), "it is disarmed");
-    told(&mut vehicle, 4.1, In::Order(order(OrderKind::Start, LEASE, 2, 11)));
+    told(&mut vehicle, 4.1, given(order(OrderKind::Start, LEASE, 2, 11)));
     assert!(!(22..=30).any(|tenth| said(&mut vehicle, tenth, true)), "it was armed again");
 }
 
@@ -463,7 +439,7 @@ fn a_pause_keeps_the_vehicle_where_it_is_and_a_start_lets_it_go_on() {
     let mut vehicle = vehicle();
     told(&mut vehicle, 1.1, drive(&[(0.0, 0.0), (9.0, 0.0)]));
     told(&mut vehicle, 2.0, telemetry(0.4, 0.5, 0.05));
-    assert!(stops(&told(&mut vehicle, 2.0, In::Order(order(OrderKind::Hold, LEASE, 1, 1)))));
+    assert!(stops(&told(&mut vehicle, 2.0, given(order(OrderKind::Hold, LEASE, 1, 1)))));
     for second in 3..60 {
         let now_s = f64::from(second);
         told(&mut vehicle, now_s, telemetry(0.5, 0.0, 0.05));
@@ -471,7 +447,7 @@ fn a_pause_keeps_the_vehicle_where_it_is_and_a_start_lets_it_go_on() {
         assert_eq!((flies(&out), refusal(&out)), (false, Some(Refusal::Held)), "after {second} s");
     }
     let resume = order(OrderKind::Start, LEASE, 2, vehicle.reports.sequence());
-    told(&mut vehicle, 60.0, In::Order(resume));
+    told(&mut vehicle, 60.0, given(resume));
     assert!(flies(&told(&mut vehicle, 60.1, drive(&[(0.5, 0.0), (9.0, 0.0)]))));
 }
 
@@ -511,8 +487,8 @@ fn a_state_says_why_the_vehicle_does_not_go_on() {
         published.unwrap().stands_under
     };
     assert_eq!(stands_under(scan(3.0, 0.0)), None);
-    for kind in [OrderKind::Hold, OrderKind::Land, OrderKind::Emergency] {
-        assert_eq!(stands_under(In::Order(order(kind, LEASE, 1, 1))), Some(StandReason::Held), "{kind:?}");
+    for kind in [OrderKind::Hold, OrderKind::Land, OrderKind::CutMotors] {
+        assert_eq!(stands_under(given(order(kind, LEASE, 1, 1))), Some(StandReason::Held), "{kind:?}");
     }
     for reason in [StandReason::Alone, StandReason::Battery] {
         assert_eq!(stands_under(In::Holds(Some(reason))), Some(reason));
@@ -530,7 +506,7 @@ fn an_order_that_answers_a_state_of_another_start_moves_nobody() {
         let mut vehicle = vehicle();
         let seen = Some(SeenState { boot: Boot(boot), sequence: 1 });
         let start = Order { seen, ..order(OrderKind::Start, LEASE, 1, 1) };
-        let out = told(&mut vehicle, 1.1, In::Order(start));
+        let out = told(&mut vehicle, 1.1, given(start));
         assert_eq!(out.iter().any(|out| matches!(out, Out::Order(_))), moves, "boot {boot}");
     }
 }

@@ -119,7 +119,7 @@ pub enum Refusal {
     Separation(VehicleId),
     /// The route leads to what made the reflex halt.
     Bump,
-    /// An emergency order stands.
+    /// An emergency stop is open, or was lifted and no start has come since.
     Emergency,
     /// The motors are cut, until a start.
     Disarmed,

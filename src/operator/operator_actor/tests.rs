@@ -11,6 +11,7 @@ use super::super::status::Expected;
 use super::super::tests_support::{Rover, at, heard, report};
 use super::*;
 use crate::actor::ActorCell;
+use tomoswarm_proto::StandReason;
 
 mod runs;
 
@@ -31,18 +32,11 @@ fn settings(greets: bool) -> OperatorSettings {
         lease: None,
         interest: vec![],
     };
-    OperatorSettings { hello, greets, holder: OWN, expected: BTreeSet::new(), possible: BTreeSet::new() }
+    OperatorSettings { hello, greets, holder: OWN, expected: BTreeSet::new() }
 }
 
 fn want(kind: Kind) -> Want {
-    Want {
-        kind,
-        vehicles: BTreeSet::new(),
-        run: None,
-        begins: true,
-        take_over: false,
-        within: Duration::from_secs(5),
-    }
+    Want { begins: true, ..Want::new(kind, BTreeSet::new(), Duration::from_secs(5)) }
 }
 
 fn one_present() -> Present {
@@ -115,7 +109,10 @@ impl World {
         self.now = self.now + TICK;
         let tick = self.now.as_nanos() / 20_000_000;
         if tick.is_multiple_of(10) {
-            self.rovers.iter_mut().for_each(|rover| self.operator.push(In::Bus(rover.say())));
+            for rover in &mut self.rovers {
+                self.operator.push(In::Bus(rover.say_stops()));
+                self.operator.push(In::Bus(rover.say()));
+            }
         }
         if let Some(report) = self.report.as_ref().filter(|_| tick.is_multiple_of(50)) {
             self.operator.push(In::Bus(heard(Message::Report(report.clone()))));
@@ -131,6 +128,11 @@ impl World {
 
     fn kinds(&self) -> Vec<Option<Kind>> {
         self.rovers.iter().map(|rover| rover.state.ordered.kind).collect()
+    }
+
+    fn given(&self) -> Vec<EmergencyStop> {
+        let given = |out: &Out| if let Out::Give(stops) = out { stops.clone() } else { vec![] };
+        self.said.iter().flat_map(given).collect()
     }
 
     fn ended(&self) -> Vec<(WantId, &Outcome)> {
@@ -277,17 +279,42 @@ fn a_start_of_another_run_is_refused_by_hand_and_awaited_by_a_script() {
     assert_eq!(world.rovers[0].state.ordered.run, RunId(7));
 }
 
+fn stop_wish(vehicles: &[u8]) -> StopWish {
+    let vehicles = vehicles.iter().map(|id| VehicleId(*id)).collect();
+    StopWish { vehicles, within: Duration::from_secs(3) }
+}
+
 #[test]
-fn an_emergency_of_before_is_not_taken_for_the_one_that_is_wanted_now() {
+fn an_emergency_stop_is_given_under_a_new_name_and_ends_when_every_vehicle_shows_it_at_rest() {
     let mut world = World::new(vec![Rover::new(1), Rover::new(2)]);
-    world.tell(In::Want(0, Want { take_over: true, ..want(Kind::Emergency) }));
     world.run(2.0);
-    assert!(world.ended()[0].1.is_done());
-    // Of the first one nothing is heard any more: it may have been started anew, and know nothing of it.
-    world.rovers.remove(0);
-    world.tell(In::Want(1, only(Kind::Emergency, 1)));
-    world.run(5.5);
-    assert_eq!(world.ended()[1].1.vehicles, [(VehicleId(1), VehicleOutcome::Ignored)].into());
+    world.tell(In::Stop(0, stop_wish(&[])));
+    world.tell(In::Stop(1, stop_wish(&[2])));
+    world.run(0.1);
+    let given: Vec<EmergencyStop> = world.given();
+    let scopes: Vec<StopScope> = given.iter().map(|stop| stop.scope).collect();
+    assert_eq!(scopes, [StopScope::All, StopScope::One(VehicleId(2))]);
+    assert!(given[0].name != given[1].name && given.iter().all(|stop| !stop.name.is_many()));
+    world.rovers[0].state.stands_under = Some(StandReason::Stop(given[0].name));
+    world.run(1.0);
+    assert_eq!(world.ended(), [], "vehicle 2 does not show it");
+    world.rovers[1].state.stands_under = Some(StandReason::Stop(given[1].name));
+    world.rovers[1].state.is_at_rest = false;
+    world.run(0.5);
+    assert_eq!(world.ended(), [], "vehicle 2 brakes");
+    world.rovers[1].state.is_at_rest = true;
+    world.run(0.5);
+    assert_eq!(world.ended().len(), 2);
+    assert!(world.ended().iter().all(|(_, outcome)| outcome.is_done()));
+}
+
+#[test]
+fn who_does_not_show_a_stop_in_time_is_named() {
+    let mut world = World::new(vec![Rover::new(1)]);
+    world.tell(In::Stop(0, stop_wish(&[1, 3])));
+    world.run(3.5);
+    let expected = [(VehicleId(1), VehicleOutcome::Ignored), (VehicleId(3), VehicleOutcome::Unheard)];
+    assert_eq!(world.ended()[0].1.vehicles, expected.into());
 }
 
 #[test]

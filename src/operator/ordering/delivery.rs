@@ -16,8 +16,6 @@ pub(super) const CONTEST: Duration = Duration::from_millis(2500);
 pub(super) struct Delivery {
     /// The order that is sent to it.
     pub issued: Option<Issued>,
-    /// The lowest edition sent to it; what was sent blindly before may be what it obeys.
-    pub lowest: Option<(Lease, Revision)>,
     /// When it was sent an order first, and last.
     pub first_at: Option<Time>,
     pub sent_at: Option<Time>,
@@ -38,8 +36,6 @@ pub(super) struct Delivery {
 pub(super) struct Issued {
     pub lease: Lease,
     pub revision: Revision,
-    /// It was made without having heard the vehicle.
-    pub is_blind: bool,
 }
 
 impl Delivery {
@@ -53,7 +49,7 @@ impl Delivery {
 
     /// Takes the echo of a vehicle that obeys nothing of what was sent: one that was started anew shows what it remembers,
     /// and obeys nothing lower.
-    pub fn look_at_memory(&mut self, echo: Ordered, is_emergency: bool) {
+    pub fn look_at_memory(&mut self, echo: Ordered) {
         let Some(issued) = self.issued.filter(|issued| echo.edition() > (issued.lease, issued.revision))
         else {
             return;
@@ -61,7 +57,7 @@ impl Delivery {
         if echo.kind.is_some() {
             return;
         }
-        if is_emergency || echo.lease == issued.lease {
+        if echo.lease == issued.lease {
             (self.issued, self.sent_at) = (None, None);
         } else {
             self.overruled = self.overruled.or(Some(echo));

@@ -1,7 +1,7 @@
 //! Orders in virtual time, against vehicles that obey what is above their echo.
 
 use tomoswarm_proto::codec::{self, Greeting};
-use tomoswarm_proto::{Boot, Hello, Message, OrderKind as Kind};
+use tomoswarm_proto::{Boot, Hello, Message, OrderKind as Kind, Standing};
 
 use super::super::tests_support::{Rover, at, heard, report};
 use super::*;
@@ -15,7 +15,8 @@ fn want(kind: Kind) -> Instruction {
         begins: true,
         vehicles: BTreeSet::new(),
         expected: BTreeSet::new(),
-        possible: BTreeSet::new(),
+        although_unheard: BTreeSet::new(),
+        lifts_many: false,
         run: None,
         take_over: false,
         holder: OWN,
@@ -74,7 +75,10 @@ impl World {
         self.now = self.now + TICK;
         let tick = self.now.as_nanos() / 20_000_000;
         if tick.is_multiple_of(10) && self.now >= self.states_from {
-            self.rovers.iter_mut().for_each(|rover| self.ordering.hear(self.now, &rover.say()));
+            for rover in &mut self.rovers {
+                self.ordering.hear(self.now, &rover.say_stops());
+                self.ordering.hear(self.now, &rover.say());
+            }
         }
         if let Some(report) = self.report.as_ref().filter(|_| tick.is_multiple_of(50)) {
             self.ordering.hear(self.now, &heard(Message::Report(report.clone())));
@@ -282,78 +286,6 @@ fn a_start_of_an_idle_ground_begins_the_next_run_and_otherwise_goes_on() {
     assert_eq!(run_of(true, StationPhase::Idle, Some(RunId(12))), Some(RunId(12)));
 }
 
-/// Sends an emergency to a vehicle whose states do not come for 20 s; gives when it has obeyed.
-fn blind(echo: Rover) -> (Time, World) {
-    let one = BTreeSet::from([VehicleId(1)]);
-    let timeout = Duration::from_secs(30);
-    let mut world = World::new(Instruction { vehicles: one, timeout, ..want(Kind::Emergency) }, vec![echo]);
-    world.states_from = at(20.0);
-    let mut obeyed = None;
-    while world.tick().is_none() {
-        let is_obeyed = world.rovers[0].state.ordered.kind == Some(Kind::Emergency);
-        obeyed = obeyed.or(is_obeyed.then_some(world.now));
-    }
-    (obeyed.unwrap_or(Time::NEVER), world)
-}
-
-#[test]
-fn an_emergency_is_obeyed_at_once_though_nothing_was_heard() {
-    for echo in [
-        Rover::new(1),
-        Rover::ordered(1, GROUNDS, 100_000, Kind::Start),
-        Rover::ordered(1, Lease { number: 1000, holder: 0 }, u32::MAX - 1, Kind::Start),
-    ] {
-        let (obeyed, world) = blind(echo);
-        assert!(obeyed <= at(0.14), "{obeyed}");
-        assert!(world.ordering.outcome_so_far(world.now).is_done());
-    }
-}
-
-#[test]
-fn an_emergency_is_obeyed_soon_whatever_lease_and_revision_is_echoed() {
-    for (number, holder, revision) in
-        [(70_000, 3, 5), (HIGHEST - 1, 0, 5), (HIGHEST, 1, 70_000), (HIGHEST, 0, 1 << 30)]
-    {
-        let (obeyed, _) = blind(Rover::ordered(1, Lease { number, holder }, revision, Kind::Start));
-        assert!(obeyed < at(16.5), "lease {number}: {obeyed}");
-    }
-}
-
-#[test]
-fn after_a_blind_emergency_whoever_reads_its_lease_starts_again() {
-    let (_, world) = blind(Rover::ordered(1, GROUNDS, 3, Kind::Start));
-    let lease = world.rovers[0].state.ordered.lease;
-    assert!(lease.number < u32::MAX - 1_000_000_000, "there is room for leases above");
-    let mut after = World::new(Instruction { holder: 99, ..want(Kind::Start) }, world.rovers);
-    assert!(after.run().is_done());
-    assert_eq!(after.rovers[0].state.ordered.kind, Some(Kind::Start));
-}
-
-#[test]
-fn an_emergency_goes_above_whatever_is_heard_and_to_whoever_might_be_there() {
-    let lease = Lease { number: 2_000_000, holder: 5 };
-    let possible = BTreeSet::from([VehicleId(1), VehicleId(2)]);
-    let rovers = vec![Rover::ordered(1, lease, 8, Kind::Start)];
-    let mut world = World::new(Instruction { possible, ..want(Kind::Emergency) }, rovers);
-    let outcome = world.run();
-    assert!(outcome.is_done() && outcome.vehicles.len() == 1, "{outcome:?}");
-    assert!(world.sent.iter().any(|(_, order)| order.vehicle == VehicleId(2)));
-}
-
-#[test]
-fn an_emergency_insists_against_a_start_of_a_higher_lease_but_not_against_cut_motors() {
-    for (theirs, is_done) in [(Kind::Start, true), (Kind::CutMotors, false)] {
-        let mut world = World::new(want(Kind::Emergency), vec![Rover::new(1)]);
-        world.loses = |number| number < 4;
-        while world.sent.is_empty() {
-            world.tick();
-        }
-        world.rovers[0].state.ordered =
-            Rover::ordered(1, Lease { number: 5_000_000, holder: 1 }, 6, theirs).state.ordered;
-        assert_eq!(world.run().is_done(), is_done, "{theirs:?}");
-    }
-}
-
 /// A greeting of a vehicle with this version and venue file.
 fn greets(vehicle: u8, version: u8, venue_hash: u64) -> Heard {
     let (node, boot) = (Sender::Vehicle(VehicleId(vehicle)), Boot(1));
@@ -394,15 +326,6 @@ fn who_has_another_venue_file_or_version_is_named_at_once_and_not_ordered() {
 }
 
 #[test]
-fn an_emergency_goes_to_who_has_another_venue_file_too() {
-    let mut ordering = Ordering::new(Time::ZERO, only_one(Kind::Emergency));
-    ordering.hear(at(0.1), &Rover::new(1).say());
-    ordering.hear(at(0.1), &greets(1, codec::VERSION, 6));
-    assert_eq!(ordering.act(at(0.2), true).len(), 1);
-    assert_eq!(ordering.outcome(at(0.2)), None);
-}
-
-#[test]
 fn a_vehicle_that_remembers_is_told_again_above_what_it_remembers() {
     for revisions_missed in 0..3 {
         let mut world = World::new(only_one(Kind::Hold), vec![Rover::ordered(1, GROUNDS, 5, Kind::Start)]);
@@ -420,19 +343,83 @@ fn a_vehicle_that_remembers_is_told_again_above_what_it_remembers() {
 }
 
 #[test]
-fn what_a_vehicle_remembers_of_a_greater_lease_overrules_all_but_an_emergency() {
-    for (kind, is_done) in [(Kind::Hold, false), (Kind::Emergency, true)] {
-        let mut world = World::new(only_one(kind), vec![Rover::ordered(1, GROUNDS, 5, Kind::Start)]);
-        world.loses = |_| true;
-        world.run_until(0.5);
-        world.rovers[0].state.ordered.lease.number += 1;
-        world.rovers[0].restart_remembering();
-        let remembered = world.rovers[0].state.ordered;
-        world.loses = |_| false;
-        let outcome = world.run();
-        assert_eq!(outcome.is_done(), is_done, "{outcome:?}");
-        if !is_done {
-            assert_eq!(outcomes(&outcome), [VehicleOutcome::Overruled(remembered)]);
-        }
-    }
+fn what_a_vehicle_remembers_of_a_greater_lease_overrules() {
+    let mut world = World::new(only_one(Kind::Hold), vec![Rover::ordered(1, GROUNDS, 5, Kind::Start)]);
+    world.loses = |_| true;
+    world.run_until(0.5);
+    world.rovers[0].state.ordered.lease.number += 1;
+    world.rovers[0].restart_remembering();
+    let remembered = world.rovers[0].state.ordered;
+    world.loses = |_| false;
+    assert_eq!(outcomes(&world.run()), [VehicleOutcome::Overruled(remembered)]);
+}
+
+fn stop(name: u32) -> EmergencyStop {
+    EmergencyStop { name: EmergencyName(name), scope: StopScope::All, by: tomoswarm_proto::OperatorId(1) }
+}
+
+fn tells(vehicle: u8, open: &[u32]) -> Heard {
+    let standing = Standing { open: open.iter().copied().map(stop).collect(), lifted: vec![] };
+    Heard::Message(Sender::Vehicle(VehicleId(vehicle)), Message::Standing(standing))
+}
+
+/// An order to two vehicles; the second one has been heard last so long ago. Both have told which stops are open.
+fn under_stops(instruction: Instruction, open: &[u32], silent: Duration) -> (Ordering, Vec<Order>) {
+    let mut ordering = Ordering::new(Time::ZERO, instruction);
+    ordering.act(Time::ZERO, true);
+    let now = at(5.0);
+    ordering.hear(now - silent, &Rover::new(2).say());
+    ordering.hear(now, &Rover::new(1).say());
+    (1..=2).for_each(|vehicle| ordering.hear(now, &tells(vehicle, open)));
+    let sent = ordering.act(now, true);
+    (ordering, sent)
+}
+
+const STOPS: [u32; 2] = [0x1_0001, 0x1_0002];
+
+#[test]
+fn a_start_names_the_stops_that_are_open_when_it_is_first_sent_and_no_later_one() {
+    let both = Instruction { vehicles: [VehicleId(1), VehicleId(2)].into(), ..want(Kind::Start) };
+    let (mut ordering, sent) = under_stops(both.clone(), &STOPS, Duration::ZERO);
+    assert_eq!(sent.len(), 2);
+    assert!(sent.iter().all(|order| order.ends == STOPS.map(EmergencyName)), "{sent:?}");
+    ordering.hear(at(5.1), &tells(1, &[STOPS[0], STOPS[1], 0x1_0003]));
+    assert!(ordering.act(at(5.2), true).iter().all(|order| order.ends == STOPS.map(EmergencyName)));
+    let mut state = Rover::new(1).state;
+    (state.sequence, state.stands_under) = (9, Some(StandReason::Stop(EmergencyName(0x1_0003))));
+    ordering.hear(at(5.3), &heard(Message::State(state)));
+    let of_one = ordering.outcome_so_far(at(5.3)).vehicles[&VehicleId(1)];
+    assert_eq!(of_one, VehicleOutcome::UnderStop(EmergencyName(0x1_0003)));
+    let (_, sent) = under_stops(Instruction { kind: Kind::Hold, ..both }, &STOPS, Duration::ZERO);
+    assert!(sent.iter().all(|order| order.ends.is_empty()));
+}
+
+#[test]
+fn stops_are_not_lifted_while_somebody_is_not_heard_unless_it_is_named() {
+    let two = VehicleId(2);
+    let both = Instruction { vehicles: [VehicleId(1), two].into(), ..want(Kind::Start) };
+    let silent = Duration::from_millis(2500);
+    let (ordering, sent) = under_stops(both.clone(), &STOPS, silent);
+    assert_eq!((sent, ordering.outcome(at(5.0)).unwrap().refused), (vec![], Some(Refusal::Unheard(two))));
+    let (_, sent) = under_stops(both.clone(), &[], silent);
+    assert!(!sent.is_empty(), "nothing is to be lifted");
+    let (_, sent) = under_stops(Instruction { although_unheard: [two].into(), ..both }, &STOPS, silent);
+    assert!(!sent.is_empty());
+}
+
+#[test]
+fn what_stands_for_many_is_lifted_only_when_that_is_asked_for() {
+    let both = Instruction { vehicles: [VehicleId(1), VehicleId(2)].into(), ..want(Kind::Start) };
+    let open = [0x42, STOPS[0]];
+    let (_, sent) = under_stops(both.clone(), &open, Duration::ZERO);
+    assert_eq!(sent[0].ends, [EmergencyName(STOPS[0])]);
+    let (_, sent) = under_stops(Instruction { lifts_many: true, ..both }, &open, Duration::ZERO);
+    assert_eq!(sent[0].ends, open.map(EmergencyName));
+}
+
+#[test]
+fn nobody_is_called_home_while_a_stop_is_open() {
+    let (ordering, sent) = under_stops(want(Kind::Return), &STOPS, Duration::ZERO);
+    let refused = ordering.outcome(at(5.0)).unwrap().refused;
+    assert_eq!((sent, refused), (vec![], Some(Refusal::StopOpen(EmergencyName(STOPS[0])))));
 }

@@ -129,6 +129,7 @@ fn word(effect: &Effect) -> Option<ToWorld> {
         | Effect::Recall { .. }
         | Effect::Tally(_)
         | Effect::Remember(_)
+        | Effect::KeepStops(_)
         | Effect::Note(_) => None,
     }
 }

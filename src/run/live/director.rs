@@ -185,7 +185,12 @@ impl Director {
             Out::ScriptEnded(ScriptEnd::Done) => Going::Over,
             Out::ScriptEnded(ScriptEnd::GaveUp { why, .. }) => Going::Failed(why),
             // What is not known here is not done, and the script gives up.
-            Out::Cue(_) | Out::Publish(_) | Out::InForce(..) | Out::Ended(..) => Going::On,
+            Out::Cue(_)
+            | Out::Publish(_)
+            | Out::Give(_)
+            | Out::StopsNote(_)
+            | Out::InForce(..)
+            | Out::Ended(..) => Going::On,
         }
     }
 

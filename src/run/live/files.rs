@@ -80,12 +80,13 @@ impl Places {
         })))
     }
 
-    /// Returns the text of the file of the operator's commands.
+    /// Returns the text of the file of the operator's commands. In a mesh it names every vehicle: an emergency must reach them
+    /// without the ground station too.
     pub fn operator(&self, sim: &Sim) -> String {
         text(Config::Operator(Box::new(OperatorFile {
             venue_file: self.venue.clone(),
             venue: sim.venue.clone(),
-            bus: self.bus(sim, Some(0), &[]),
+            bus: self.bus(sim, Some(0), &self.vehicle_ports),
         })))
     }
 
@@ -228,5 +229,13 @@ mod tests {
         let star = bus(Topology::Star, 3);
         assert!(star.listen.is_empty());
         assert_eq!(star.connect.iter().map(|endpoint| endpoint.port).collect::<Vec<_>>(), [7600]);
+        let operator = |topology| {
+            let text = places(topology).operator(&sim);
+            let file =
+                config::read_operator("configs/o.toml", &text, &mut |_| Ok(places(topology).venue(&sim)));
+            file.unwrap().bus.connect.iter().map(|endpoint| endpoint.port).collect::<Vec<_>>()
+        };
+        assert_eq!(operator(Topology::Mesh), (7600..=7608).collect::<Vec<_>>());
+        assert_eq!(operator(Topology::Star), [7600]);
     }
 }

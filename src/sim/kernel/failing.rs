@@ -33,6 +33,7 @@ impl Kernel {
         let settings = &mut self.settings[index];
         settings.boot = Boot(settings.boot.0.saturating_add(1));
         settings.memory = self.disks[index].memory();
+        settings.stops = self.disks[index].stops();
         let boot = settings.boot;
         self.vehicles[index].restart(settings);
         self.is_dead[index] = false;

@@ -84,7 +84,7 @@ impl Kernel {
             Out::Publish(message) => self.publish(NodeId::Operator(id), &message),
             Out::Cue(name) => return self.cue(index, &name),
             Out::ScriptEnded(end) => self.script_ended(index, end),
-            Out::InForce(..) | Out::Ended(..) => {}
+            Out::InForce(..) | Out::Ended(..) | Out::Give(_) | Out::StopsNote(_) => {}
         }
         Ok(())
     }

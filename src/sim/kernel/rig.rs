@@ -55,6 +55,8 @@ fn settings() -> Settings {
         vehicle: VehicleId(1),
         boot: Boot(1),
         memory: Default::default(),
+        stops: Default::default(),
+        listens_for: Duration::ZERO,
         fence: Rect::new(Point::new(-4.0, -6.0), Point::new(14.0, 6.0)).polygon(),
         home: Point::new(0.0, 0.0),
         lattice: Lattice::new(0.2),
@@ -227,7 +229,11 @@ impl Rig {
                 Effect::Remember(memory) => {
                     self.tell(Event::Remembered(Remembered { on_disk: memory, tried: memory }));
                 }
-                Effect::Keep(..) | Effect::Forget { .. } | Effect::Recall { .. } | Effect::Tally(_) => {}
+                Effect::Keep(..)
+                | Effect::KeepStops(_)
+                | Effect::Forget { .. }
+                | Effect::Recall { .. }
+                | Effect::Tally(_) => {}
             }
         }
     }

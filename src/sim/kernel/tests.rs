@@ -88,7 +88,7 @@ fn operator(scenario: &Scenario, number: u8, steps: Vec<operator_script::Step>) 
 
 fn want(kind: OrderKind, take_over: bool) -> operator_script::Step {
     let (vehicles, within) = (BTreeSet::new(), Duration::from_secs(60));
-    operator_script::Step::Want(Want { kind, vehicles, run: None, begins: false, take_over, within })
+    operator_script::Step::Want(Want { take_over, ..Want::new(kind, vehicles, within) })
 }
 
 #[test]
@@ -208,7 +208,7 @@ fn a_vehicle_that_is_started_anew_obeys_nothing_below_what_its_disk_has() {
         run: RunId(1),
         revision: Revision(1000),
         seen: None,
-        kind: OrderKind::Emergency,
+        kind: OrderKind::CutMotors,
         ends: Vec::new(),
     };
     let from = Sender::Operator(OperatorId(3));
@@ -216,7 +216,7 @@ fn a_vehicle_that_is_started_anew_obeys_nothing_below_what_its_disk_has() {
     run(&mut kernel, 7.5);
     let mode = |kernel: &Kernel| {
         let state = &view(&kernel.operators[1]).state(VehicleId(2)).expect("it is heard").value;
-        (state.boot, state.mode == Mode::Emergency, state.ordered.lease >= kept.ordered.lease)
+        (state.boot, state.mode == Mode::MotorsCut, state.ordered.lease >= kept.ordered.lease)
     };
     assert_eq!(mode(&kernel), (Boot(2), false, true));
     let high = Order { lease: Lease { number: 9, holder: 0 }, ..low };

@@ -7,24 +7,22 @@
 //!   check 9ae16a3b2f90404f
 //! ```
 //!
-//! The check is FNV-1a, 64 bits, over all lines above it. More to remember (stops that stand) is more lines and a higher
-//! version; a later program reads the earlier versions. A folder without the file is that of a vehicle that has obeyed
+//! More to remember is more lines and a higher version; a later program reads the earlier versions. A folder without the file is that of a vehicle that has obeyed
 //! nothing. Whatever else is found is refused and left as it is: to guess would be to obey what was overruled.
 
 use std::fs;
-use std::hash::Hasher;
 use std::io::{self, ErrorKind};
 use std::path::{Path, PathBuf};
 
-use fnv::FnvHasher;
 use tomoswarm_proto::{Lease, Revision, RunId};
 
 use crate::node::Memory;
 use crate::node::memory::OrderEdition;
+use crate::store::checked_text::{CheckedText, TextFault};
 use crate::store::replace;
 
-/// The first words of the file, before its version.
-const TITLE: &str = "tomoswarm vehicle memory";
+/// What the file is.
+const TEXT: CheckedText = CheckedText { title: "tomoswarm vehicle memory", version: VERSION };
 /// The version of what is written here.
 const VERSION: u32 = 1;
 /// A file that is longer is none of ours, bytes.
@@ -111,42 +109,17 @@ impl MemoryFile {
     }
 }
 
-/// Why a text is no memory.
-#[derive(Clone, PartialEq, Eq, Debug)]
-enum TextFault {
-    Damaged(String),
-    Newer(u32),
-}
-
 fn text(memory: &Memory) -> String {
     let Memory { ordered: OrderEdition { lease, revision, run }, planned } = memory;
-    let body = format!(
-        "{TITLE} {VERSION}\nordered lease {} holder {} revision {revision} run {run}\nplanned lease {} holder {}\n",
+    TEXT.seal(&format!(
+        "ordered lease {} holder {} revision {revision} run {run}\nplanned lease {} holder {}\n",
         lease.number, lease.holder, planned.number, planned.holder
-    );
-    format!("{body}check {:016x}\n", fnv(body.as_bytes()))
+    ))
 }
 
 fn parse(bytes: &[u8]) -> Result<Memory, TextFault> {
-    let damaged = |reason: &str| TextFault::Damaged(reason.to_owned());
-    let text = std::str::from_utf8(bytes).map_err(|_| damaged("expected text"))?;
-    if text.is_empty() {
-        return Err(damaged("it is empty"));
-    }
-    let whole = text.strip_suffix('\n').ok_or_else(|| damaged("its end is missing"))?;
-    let (lines, check) = whole.rsplit_once('\n').ok_or_else(|| damaged("its end is missing"))?;
-    let body = &text[..=lines.len()];
-    let expected = format!("check {:016x}", fnv(body.as_bytes()));
-    if check != expected {
-        return Err(TextFault::Damaged(format!("expected `{expected}` at its end, found `{check}`")));
-    }
-    let (title, rest) = lines.split_once('\n').unwrap_or((lines, ""));
-    let version = title.strip_prefix(TITLE).and_then(|version| version.trim().parse().ok());
-    match version {
-        Some(VERSION) => content(rest).ok_or_else(|| damaged("its lines are not those of version 1")),
-        Some(newer) if newer > VERSION => Err(TextFault::Newer(newer)),
-        Some(_) | None => Err(TextFault::Damaged(format!("expected `{TITLE} {VERSION}`, found `{title}`"))),
-    }
+    let wrong = || TextFault::Damaged("its lines are not those of version 1".to_owned());
+    content(TEXT.open(bytes)?).ok_or_else(wrong)
 }
 
 /// Reads the lines of version 1.
@@ -175,16 +148,10 @@ fn numbers<const COUNT: usize>(line: &str, names: [&str; COUNT]) -> Option<[u64;
     words.next().is_none().then_some(values)
 }
 
-/// Returns the FNV-1a hash of bytes: one byte changed always changes it.
-fn fnv(bytes: &[u8]) -> u64 {
-    let mut hash = FnvHasher::default();
-    hash.write(bytes);
-    hash.finish()
-}
-
 #[cfg(test)]
 pub(super) mod tests {
     use super::*;
+    use crate::store::checked_text::fnv;
     use crate::store::durable::beside;
     use proptest::prelude::*;
 

@@ -7,7 +7,7 @@ use std::collections::BTreeSet;
 use proptest::prelude::*;
 use proptest::strategy::ValueTree;
 use proptest::test_runner::TestRunner;
-use tomoswarm_proto::{Ordered, StopId};
+use tomoswarm_proto::{EmergencyName, Ordered, StopId, StopScope};
 
 use super::*;
 use crate::node::tests_support::{variant_of, variants};
@@ -48,6 +48,8 @@ enum Happening {
         drives: bool,
     },
     MissionHolds(bool),
+    /// Whether an emergency stop is open.
+    Stops(bool),
     Nothing,
 }
 
@@ -61,7 +63,6 @@ fn any_kind() -> impl Strategy<Value = OrderKind> {
         1 => Just(OrderKind::Hold),
         1 => Just(OrderKind::Return),
         1 => Just(OrderKind::Land),
-        1 => Just(OrderKind::Emergency),
         1 => Just(OrderKind::CutMotors),
     ]
 }
@@ -96,6 +97,7 @@ fn any_happening() -> impl Strategy<Value = Happening> {
         5 => any_order(),
         1 => (0.0..6.0f64, any::<bool>()).prop_map(|(y_m, drives)| Happening::Peer { y_m, drives }),
         1 => any::<bool>().prop_map(Happening::MissionHolds),
+        2 => prop::bool::weighted(0.4).prop_map(Happening::Stops),
         1 => Just(Happening::Nothing),
     ]
 }
@@ -114,6 +116,14 @@ enum Ban {
     UntilStart,
 }
 
+/// What emergency stops forbid.
+#[derive(Clone, Copy, PartialEq, Debug)]
+enum Stopped {
+    No,
+    Open,
+    Lifted,
+}
+
 /// Watches what goes into a vehicle and what comes out of it.
 struct Witness {
     vehicle: Vehicle,
@@ -123,10 +133,15 @@ struct Witness {
     peer_sequence: u64,
     highest: (u32, Reverse<u64>, u32),
     ban: Ban,
+    stopped: Stopped,
+    /// What answers a state of before this one does not send the vehicle out.
+    answers_from: u64,
     /// When the last stop was said, unless a drive or a turn was said since.
     stop_said: Option<Time>,
     /// When the last disarming was said, unless an arming was said since.
     disarm_said: Option<Time>,
+    /// A stop was lifted: what an order still owes the motors is not known from outside.
+    may_disarm: bool,
     /// When an order to disarm at rest was obeyed that no disarming and no arming has followed.
     disarm_owed: Option<Time>,
     has_reported_silence: bool,
@@ -135,15 +150,18 @@ struct Witness {
 impl Witness {
     fn new() -> Witness {
         Witness {
-            vehicle: Vehicle::new(settings(1)),
+            vehicle: Vehicle { readiness: Readiness::Ready, ..Vehicle::new(settings(1)) },
             now: at(1.0),
             sequence: 0,
             here: Point::new(0.0, 0.0),
             peer_sequence: 0,
             highest: (0, Reverse(0), 0),
             ban: Ban::None,
+            stopped: Stopped::No,
+            answers_from: 0,
             stop_said: None,
             disarm_said: None,
+            may_disarm: false,
             disarm_owed: None,
             has_reported_silence: false,
         }
@@ -164,6 +182,9 @@ impl Witness {
         let Some(input) = self.input(happening) else { return };
         let mut out = Vec::new();
         handled(&mut self.vehicle, self.now, input.clone(), &mut out);
+        if let In::Stops(open) = &input {
+            self.check_stops(!open.is_empty(), &out);
+        }
         self.check_flying(&input, &out);
         self.check_order(&input, &out);
         self.note(&out);
@@ -202,7 +223,7 @@ impl Witness {
                 let revision = revision.saturating_add_signed(revision_step);
                 let seen_state = self.sequence.saturating_sub(states_ago);
                 let vehicle = if is_ours { VehicleId(1) } else { VehicleId(2) };
-                In::Order(Order { vehicle, ..order(kind, lease, revision, seen_state) })
+                given(Order { vehicle, ..order(kind, lease, revision, seen_state) })
             }
             Happening::Peer { y_m, drives } => {
                 self.peer_sequence += 1;
@@ -213,6 +234,11 @@ impl Witness {
                 In::Peer(State { sequence: self.peer_sequence, mode, leg, ..peer })
             }
             Happening::MissionHolds(holds) => In::Holds(holds.then_some(StandReason::Alone)),
+            Happening::Stops(is_open) => {
+                let name = EmergencyName(EmergencyName::LOWEST_DRAWN);
+                let stop = EmergencyStop { name, scope: StopScope::All, by: OperatorId(1) };
+                In::Stops(is_open.then_some(stop).into_iter().collect())
+            }
             Happening::Nothing => return None,
         })
     }
@@ -224,20 +250,21 @@ impl Witness {
                 Fly::Drive { .. } | Fly::Turn(_) => {
                     assert!(matches!(input, In::Command(..)), "it moves by itself");
                     assert_eq!(self.ban, Ban::None, "it moves although it was stopped by an order");
+                    assert_eq!(self.stopped, Stopped::No, "it moves under an emergency stop");
                     assert_eq!(self.disarm_said, None, "it moves without motors");
                 }
                 Fly::Arm => {
                     let frees = obeyed_kind(out).is_some_and(|kind| match kind {
                         OrderKind::Start => true,
                         OrderKind::Return => self.ban != Ban::UntilStart,
-                        OrderKind::Hold | OrderKind::Land | OrderKind::Emergency | OrderKind::CutMotors => {
-                            false
-                        }
+                        OrderKind::Hold | OrderKind::Land | OrderKind::CutMotors => false,
                     });
                     assert!(frees, "it is armed by {input:?}");
                 }
                 Fly::Disarm => {
-                    let may = self.disarm_said.is_some() || obeyed_kind(out) == Some(OrderKind::CutMotors);
+                    let may = self.disarm_said.is_some()
+                        || self.may_disarm
+                        || obeyed_kind(out) == Some(OrderKind::CutMotors);
                     let rests = matches!(input, In::Telemetry(told) if told.motion == Motion::Resting);
                     assert!(may || (self.disarm_owed.is_some() && rests), "braking needs the motors");
                 }
@@ -255,7 +282,7 @@ impl Witness {
 
     /// Orders are obeyed in ascending order, those that stop whatever their age, and at once.
     fn check_order(&self, input: &In, out: &[Out]) {
-        let In::Order(order) = input else {
+        let In::Order(_, order) = input else {
             assert!(!obeyed(out), "an order out of nothing");
             return;
         };
@@ -264,13 +291,20 @@ impl Witness {
         assert!(!obeyed(out) || (is_higher && is_ours), "obeyed {order:?} after {:?}", self.highest);
         let stopping = !matches!(order.kind, OrderKind::Start | OrderKind::Return);
         assert!(obeyed(out) || !(is_higher && is_ours && stopping), "not stopped by {order:?}");
+        let seen = order.seen.map_or(0, |seen| seen.sequence);
+        let may_begin = match (order.kind, self.stopped) {
+            (OrderKind::Start, Stopped::Open) | (OrderKind::Return, Stopped::Open | Stopped::Lifted) => false,
+            (OrderKind::Start | OrderKind::Return, _) => seen > self.answers_from,
+            (OrderKind::Hold | OrderKind::Land | OrderKind::CutMotors, _) => true,
+        };
+        assert!(!obeyed(out) || may_begin, "an emergency stop forbids {order:?}");
         if obeyed(out) {
             assert_eq!(stops(out), order.kind != OrderKind::Start, "{order:?}");
             assert_eq!(flown(out).contains(&Fly::Disarm), order.kind == OrderKind::CutMotors, "{order:?}");
             let armed = match order.kind {
                 OrderKind::Start => true,
                 OrderKind::Return => self.ban != Ban::UntilStart,
-                OrderKind::Hold | OrderKind::Land | OrderKind::Emergency | OrderKind::CutMotors => false,
+                OrderKind::Hold | OrderKind::Land | OrderKind::CutMotors => false,
             };
             assert_eq!(flown(out).contains(&Fly::Arm), armed, "{order:?}");
         }
@@ -282,7 +316,9 @@ impl Witness {
             match said {
                 Out::Fly(Fly::Drive { .. } | Fly::Turn(_)) => self.stop_said = None,
                 Out::Fly(Fly::Stop) => self.stop_said = Some(self.now),
-                Out::Fly(Fly::Arm) => (self.disarm_said, self.disarm_owed) = (None, None),
+                Out::Fly(Fly::Arm) => {
+                    (self.disarm_said, self.disarm_owed, self.may_disarm) = (None, None, false);
+                }
                 Out::Fly(Fly::Disarm) => (self.disarm_said, self.disarm_owed) = (Some(self.now), None),
                 Out::Order(order) => self.note_order(order),
                 Out::State(state) => self.sequence = state.sequence,
@@ -291,17 +327,41 @@ impl Witness {
         }
     }
 
+    /// An emergency stop brakes at once, and its lifting does nothing.
+    fn check_stops(&mut self, is_open: bool, out: &[Out]) {
+        match (self.stopped, is_open) {
+            (Stopped::No | Stopped::Lifted, true) => {
+                assert_eq!(flown(out), [Fly::Stop], "at once");
+                (self.stopped, self.disarm_owed) = (Stopped::Open, Some(self.now));
+                self.answers_from = self.sequence;
+                if self.ban == Ban::None {
+                    self.ban = Ban::UntilStartOrReturn;
+                }
+            }
+            (Stopped::Open, false) => {
+                assert_eq!(out, []);
+                self.stopped = Stopped::Lifted;
+                self.answers_from = self.sequence;
+                (self.disarm_said, self.disarm_owed, self.may_disarm) = (None, None, true);
+            }
+            (_, _) => assert_eq!(out, []),
+        }
+    }
+
     fn note_order(&mut self, order: &Order) {
         self.highest = edition(order);
+        if order.kind == OrderKind::Start {
+            self.stopped = Stopped::No;
+        }
         match order.kind {
             OrderKind::Start => self.ban = Ban::None,
             OrderKind::Return if self.ban == Ban::UntilStart => {}
             OrderKind::Return => self.ban = Ban::None,
             OrderKind::Hold | OrderKind::Land if self.ban == Ban::UntilStart => {}
             OrderKind::Hold | OrderKind::Land => self.ban = Ban::UntilStartOrReturn,
-            OrderKind::Emergency | OrderKind::CutMotors => self.ban = Ban::UntilStart,
+            OrderKind::CutMotors => self.ban = Ban::UntilStart,
         }
-        if matches!(order.kind, OrderKind::Land | OrderKind::Emergency) {
+        if order.kind == OrderKind::Land {
             self.disarm_owed = Some(self.now);
         }
     }
@@ -326,7 +386,9 @@ impl Witness {
         let state = state.expect("every telemetry makes a state");
         let Ordered { lease, revision, .. } = state.ordered;
         assert_eq!((lease.number, Reverse(lease.holder), revision.0), self.highest);
-        assert_eq!(state.mode == Mode::Emergency, self.ban == Ban::UntilStart);
+        assert_eq!(state.mode == Mode::Stopped, self.stopped == Stopped::Open);
+        let is_cut = self.ban == Ban::UntilStart && self.stopped != Stopped::Open;
+        assert_eq!(state.mode == Mode::MotorsCut, is_cut);
         assert!(state.mode != Mode::Idle || self.ban == Ban::None, "a vehicle that is held says so");
     }
 }
@@ -366,7 +428,7 @@ fn the_sequences_reach_every_state_and_move_and_stop_in_all_of_them() {
             moved.insert(variant_of(&witness.vehicle.movement));
             let restraint = witness.vehicle.orders.restraint();
             restrained.insert(variant_of(restraint));
-            if let Restraint::Landing(disarming) | Restraint::Emergency(disarming) = restraint {
+            if let Restraint::Landing(disarming) | Restraint::MotorsCut(disarming) = restraint {
                 disarmed.insert(variant_of(disarming));
             }
         }

@@ -20,6 +20,7 @@ fn memory(number: u32, revision: u32) -> Memory {
 /// A vehicle at rest that has heard its autopilot once, at 1 s; its disk answers nothing by itself.
 fn remembering(memory: Memory) -> Vehicle {
     let mut vehicle = Vehicle::new(Settings { memory, ..settings(1) });
+    vehicle.readiness = Readiness::Ready;
     handle(&mut vehicle, 1.0, telemetry(0.0, 0.0, 0.05));
     vehicle
 }
@@ -32,7 +33,7 @@ fn handle(vehicle: &mut Vehicle, time_s: f64, input: In) -> Vec<Out> {
 
 fn ordered(vehicle: &mut Vehicle, kind: OrderKind, number: u32, revision: u32) -> Vec<Out> {
     let seen = vehicle.reports.sequence();
-    handle(vehicle, 1.1, In::Order(order(kind, lease(number), revision, seen)))
+    handle(vehicle, 1.1, given(order(kind, lease(number), revision, seen)))
 }
 
 /// The disk has this.
@@ -69,9 +70,7 @@ fn a_start_is_remembered_before_anything_follows_from_it() {
 
 #[test]
 fn what_stops_does_so_at_once_and_is_written_then_and_shown_at_last() {
-    for kind in
-        [OrderKind::Hold, OrderKind::Return, OrderKind::Land, OrderKind::Emergency, OrderKind::CutMotors]
-    {
+    for kind in [OrderKind::Hold, OrderKind::Return, OrderKind::Land, OrderKind::CutMotors] {
         let mut vehicle = remembering(Memory::default());
         let out = ordered(&mut vehicle, kind, 3, 1);
         assert_eq!((&out[0], out.last()), (&Out::Fly(Fly::Stop), Some(&Out::Remember(memory(3, 1)))));
@@ -87,7 +86,7 @@ fn what_stops_does_so_at_once_and_is_written_then_and_shown_at_last() {
 
 #[test]
 fn nothing_lower_than_what_was_on_disk_is_obeyed_after_a_restart() {
-    for kind in [OrderKind::Start, OrderKind::Hold, OrderKind::Emergency, OrderKind::CutMotors] {
+    for kind in [OrderKind::Start, OrderKind::Hold, OrderKind::CutMotors] {
         let mut vehicle = remembering(memory(5, 7));
         assert_eq!(
             shown(&mut vehicle),
@@ -125,7 +124,7 @@ fn a_start_that_has_waited_too_long_is_given_up_and_may_come_again() {
     assert_eq!(ordered(&mut vehicle, OrderKind::Hold, 2, 9), [], "a higher lease is on disk");
     handle(&mut vehicle, 60.1, telemetry(0.0, 0.0, 0.05));
     let seen = vehicle.reports.sequence();
-    let again = In::Order(order(OrderKind::Start, lease(3), 1, seen));
+    let again = given(order(OrderKind::Start, lease(3), 1, seen));
     let out = handle(&mut vehicle, 60.2, again);
     assert!(obeyed(&out) && out.contains(&Out::Fly(Fly::Arm)));
 }
@@ -136,7 +135,7 @@ fn an_order_that_is_repeated_while_it_waits_stays_young_and_is_asked_for_once() 
     ordered(&mut vehicle, OrderKind::Start, 3, 1);
     handle(&mut vehicle, 60.0, telemetry(0.0, 0.0, 0.05));
     let seen = vehicle.reports.sequence();
-    assert_eq!(handle(&mut vehicle, 60.1, In::Order(order(OrderKind::Start, lease(3), 1, seen))), []);
+    assert_eq!(handle(&mut vehicle, 60.1, given(order(OrderKind::Start, lease(3), 1, seen))), []);
     assert!(obeyed(&written(&mut vehicle, 60.2, memory(3, 1))));
 }
 

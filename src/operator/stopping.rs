@@ -1,0 +1,116 @@
+//! An emergency stop on its way: who shows it. The stop itself is kept and said on by every node (`stops`); what is looked
+//! for here is State, or that a vehicle says itself that it knows the stop. It gives nothing up: a stop that somebody has not
+//! shown in time is in force all the same for whoever hears of it.
+//!
+//! It ends when every vehicle that it is for shows the stop and rests, or when the time is up.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::time::Duration;
+
+use serde::{Deserialize, Serialize};
+use tomoswarm_proto::{EmergencyStop, StandReason, StopScope, VehicleId};
+
+use super::fleet_view::FleetView;
+use super::outcome::{Outcome, VehicleOutcome};
+use super::want::StopWish;
+use crate::time::Time;
+
+/// For so long everyone who is there is listened for.
+const LISTEN: Duration = Duration::from_millis(1500);
+/// It is looked so often whether the time is up.
+const LOOKS_EVERY: Duration = Duration::from_millis(50);
+
+/// Emergency stops that were given by one command.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct Stopping {
+    stops: Vec<EmergencyStop>,
+    wish: StopWish,
+    /// Who is known to be there without being heard.
+    expected: BTreeSet<VehicleId>,
+    began: Time,
+    /// Since when anyone can be reached.
+    linked: Option<Time>,
+    has_listened: bool,
+    /// When each vehicle showed it first.
+    shown: BTreeMap<VehicleId, Time>,
+}
+
+impl Stopping {
+    /// Begins; `has_listened` tells whether everyone who is there is known.
+    pub fn new(
+        now: Time,
+        stops: Vec<EmergencyStop>,
+        wish: StopWish,
+        expected: BTreeSet<VehicleId>,
+        has_listened: bool,
+    ) -> Stopping {
+        Stopping { stops, wish, expected, began: now, linked: None, has_listened, shown: BTreeMap::new() }
+    }
+
+    /// Looks who shows it.
+    pub fn look(&mut self, now: Time, view: &FleetView, is_linked: bool) {
+        if is_linked {
+            self.linked.get_or_insert(now);
+        }
+        for id in self.targets(now, view) {
+            if self.is_in_force(view, id) {
+                self.shown.entry(id).or_insert(now);
+            }
+        }
+    }
+
+    /// Returns what became of it once it is over.
+    pub fn outcome(&self, now: Time, view: &FleetView) -> Option<Outcome> {
+        let so_far = self.outcome_so_far(now, view);
+        let knows_all = self.has_listened
+            || !self.wish.vehicles.is_empty()
+            || self.linked.is_some_and(|since| now.since(since) >= LISTEN);
+        let rests = |of: &VehicleOutcome| matches!(of, VehicleOutcome::Stopped { is_at_rest: true, .. });
+        let all_rest = !so_far.vehicles.is_empty() && so_far.vehicles.values().all(rests);
+        let is_over = all_rest && knows_all || now.since(self.began) >= self.wish.within;
+        is_over.then_some(so_far)
+    }
+
+    /// Returns what became of it so far.
+    pub fn outcome_so_far(&self, now: Time, view: &FleetView) -> Outcome {
+        let from = self.linked.unwrap_or(self.began);
+        let of = |id: VehicleId| {
+            let state = view.state(id).filter(|state| state.at >= self.began);
+            let is_at_rest = state.is_some_and(|state| state.value.is_at_rest);
+            let outcome = match (self.shown.get(&id), state) {
+                (Some(at), _) => VehicleOutcome::Stopped { after: at.since(from), is_at_rest },
+                (None, Some(_)) => VehicleOutcome::Ignored,
+                (None, None) => VehicleOutcome::Unheard,
+            };
+            (id, outcome)
+        };
+        let vehicles = self.targets(now, view).into_iter().map(of).collect();
+        Outcome { vehicles, lease: None, run: None, refused: None }
+    }
+
+    /// Returns when to look next.
+    pub fn next(&self, now: Time) -> Time {
+        now + LOOKS_EVERY
+    }
+
+    /// Returns whether a vehicle shows a stop that was given here, or another one that is open.
+    fn is_in_force(&self, view: &FleetView, id: VehicleId) -> bool {
+        let concerns = |stop: &&EmergencyStop| match stop.scope {
+            StopScope::All => true,
+            StopScope::One(one) => one == id,
+        };
+        let state = view.state(id).filter(|state| state.at >= self.began);
+        let is_under =
+            state.is_some_and(|state| matches!(state.value.stands_under, Some(StandReason::Stop(_))));
+        is_under || self.stops.iter().filter(concerns).any(|stop| view.shows_stop(id, stop.name))
+    }
+
+    fn targets(&self, now: Time, view: &FleetView) -> BTreeSet<VehicleId> {
+        if !self.wish.vehicles.is_empty() {
+            return self.wish.vehicles.clone();
+        }
+        let members = view.ground(now).map(|report| report.value.members.clone()).unwrap_or_default();
+        let heard = view.vehicles().filter(|(_, seen)| seen.state.is_some()).map(|(id, _)| id);
+        self.expected.iter().copied().chain(members).chain(heard).collect()
+    }
+}
