@@ -117,6 +117,7 @@ fn capability() -> impl Strategy<Value = Capability> {
         RangeSensorKind::TfLuna,
         RangeSensorKind::Autopilot,
         RangeSensorKind::Other,
+        RangeSensorKind::SerialText,
     ]);
     let servo = select(vec![ServoKind::Simulated, ServoKind::Pwm, ServoKind::Autopilot, ServoKind::Other]);
     let radio = select(vec![RadioKind::Simulated, RadioKind::XBee, RadioKind::Other]);
