@@ -6,7 +6,7 @@
 //! | --- | --- | --- |
 //! | L0 | [`time`], [`geom`] | values |
 //! | L1 | [`map`], [`plan`], [`tomo`], [`sweep`], [`scene`], [`config`], [`draw`] | pure functions and values |
-//! | L2 | [`actor`], [`stops`], [`node`], [`ground`], [`operator`], [`exchange`] | state machines without I/O |
+//! | L2 | [`actor`], [`stops`], [`node`], [`ground`], [`operator`], [`exchange`], [`hw`] | state machines without I/O |
 //! | L3 | [`sim`] | the world in virtual time |
 //! | L3 | `run`, `store` (feature `net`) | live processes over zenoh, and what outlives them |
 //! | top | [`cli`] | files, terminal, assembly |
@@ -20,6 +20,7 @@ pub mod draw;
 pub mod exchange;
 pub mod geom;
 pub mod ground;
+pub mod hw;
 pub mod map;
 pub mod node;
 pub mod operator;

@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 
 const L0: &[&str] = &["time", "geom"];
 const L1: &[&str] = &["map", "plan", "tomo", "sweep", "scene", "config", "draw"];
-const L2: &[&str] = &["actor", "stops", "node", "ground", "operator", "exchange"];
+const L2: &[&str] = &["actor", "stops", "node", "ground", "operator", "exchange", "hw"];
 
 /// Which modules a module may use beside itself; `None` for one that is not in the table.
 fn may_use(module: &str) -> Option<Vec<&'static str>> {
@@ -24,6 +24,7 @@ fn may_use(module: &str) -> Option<Vec<&'static str>> {
         "node" => joined(&[L0, L1, &["actor", "stops"]]),
         "ground" => joined(&[L0, L1, &["actor", "stops", "node"]]),
         "exchange" => joined(&[L0]),
+        "hw" => joined(&[L0, &["config", "node"]]),
         "operator" => joined(&[L0, L1, &["actor", "stops", "exchange", "node"]]),
         "sim" => joined(&[L0, L1, L2]),
         "store" => joined(&[L0, L1, L2]),

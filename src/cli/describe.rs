@@ -2,7 +2,7 @@
 //! as comments above it what follows from them. Read back it means the same; files are named as they were opened, so the
 //! text is read from the same folder under a name without one (`tomoswarm check -`).
 
-use crate::config::{self, Axis, Config, Experiment, GroundFile, Sim, VehicleFile, Venue};
+use crate::config::{self, Axis, Config, Experiment, GroundFile, RangeDriver, Sim, VehicleFile, Venue};
 
 /// The most vehicles that a sweep is planned for.
 const SWEEPING: std::ops::RangeInclusive<usize> = 2..=8;
@@ -60,6 +60,10 @@ fn sim_lines(sim: &Sim) -> Vec<Line> {
 fn vehicle_lines(file: &VehicleFile) -> Vec<Line> {
     let home = format!("number {}, at home at ({}, {})", file.id, file.home.x_m, file.home.y_m);
     let mut list = vec![("vehicle", home), ("looks", format!("one round takes {:?}", file.look.cycle()))];
+    list.push(("drivers", file.drivers.in_words()));
+    if file.drivers.range == RangeDriver::None {
+        list.push(("warning", "without a range sensor it sees nothing, and is not driven".to_owned()));
+    }
     list.extend(venue_lines(&file.venue));
     list
 }

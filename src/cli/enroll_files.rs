@@ -98,7 +98,7 @@ impl NodeConfig {
 }
 
 const DRIVERS: &str = "
-# Only simulated drivers are built today; the word is the world's.
+# Each device has a driver of its own choice; simulated ones speak with a world, and the word is the world's.
 [autopilot]
 driver = \"sim\"
 [range]

@@ -15,6 +15,7 @@
 
 pub mod bundled;
 mod bus_file;
+mod drivers;
 mod endpoint;
 mod experiment;
 mod fault;
@@ -28,6 +29,7 @@ mod overlay;
 mod problem;
 mod radio;
 mod range;
+mod range_driver;
 mod scene;
 mod section;
 mod sim;
@@ -45,6 +47,7 @@ use section::Section;
 use source::Source;
 
 pub use bus_file::{BusFile, Identity, Topology};
+pub use drivers::{AutopilotDriver, Drivers, RadioDriver, ServoDriver};
 pub use endpoint::{Endpoint, EndpointError, Protocol, is_host};
 pub use experiment::{Axis, Experiment, MOST_RUNS};
 pub use fault::{Fault, FaultKind, FaultWord, PlannedFault};
@@ -55,12 +58,13 @@ pub use mission::{Durations, End, Expect, Imaging, Planner, Prior, Solver, Sweep
 pub use problem::{Problem, Problems};
 pub use radio::{Bus, OwnRadio, Partition, PlannedPartition, Radio, Reception};
 pub use range::{Lobe, Look, RangeSensor, SensorMount};
+pub use range_driver::{LengthUnit, RangeDriver, SerialProtocol, SerialSensor, SerialText, TextFormat};
 pub use scene::{Material, Object, Outline, Person, RandomPersons, SceneFile, Up};
 pub use sim::Sim;
 pub use swarm::Swarm;
 pub use task::{Mission, MissionKind, Task};
 pub use vehicle::{Body, Craft, Flight, Safety, Vehicles};
-pub use vehicle_file::{Driver, Drivers, PoseFile, Record, VehicleFile, World};
+pub use vehicle_file::{PoseFile, Record, VehicleFile, World};
 pub use venue::{Datum, Venue};
 pub use waypoint_file::{
     Above, MOST_ITEMS, MOST_WAYPOINT_BYTES, MissionItem, SpeedOf, Spot, Target, Turning, WaypointFile,

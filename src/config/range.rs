@@ -201,13 +201,16 @@ impl Look {
     }
 
     fn check_sensors(&self, source: &Source<'_>) {
-        if !source.is_known("range.sensor") || !source.is_sound(&["range.sensor"]) {
+        if self.sensors.is_empty() || !source.is_sound(&["range.sensor"]) {
             return;
         }
         let mounts = self.mounts();
         for beam in self.beams().into_iter().filter(|beam| mounts.aim(*beam).is_none()) {
             let wrong = format!("{:.0}° is reached by no servo", beam.degrees());
-            let allowed = "directions within the limits of a [[range.sensor]] are allowed";
+            let allowed = match source.is_known("range.sensor") {
+                true => "directions within the limits of a [[range.sensor]] are allowed",
+                false => "[0], straight ahead, is allowed without a servo",
+            };
             source.refuse("range.beams_deg", &wrong, allowed);
         }
         let echo = Duration::from_secs_f64(2.0 * self.max_range_m / SOUND_MPS);
@@ -221,6 +224,36 @@ impl Look {
 
 impl Keyed for Look {
     fn keys(&mut self, to: &mut dyn Keys) {
+        self.show(&[0.0, 25.0, -25.0, 50.0, -50.0], to);
+    }
+}
+
+impl Look {
+    /// Shows the keys of sensors that nothing turns: what is left out looks straight ahead.
+    pub(super) fn fixed_keys(&mut self, to: &mut dyn Keys) {
+        self.show(&[0.0], to);
+    }
+
+    /// Makes the sensors fixed: without any there is one that looks straight ahead. One that has limits to be turned
+    /// within is refused.
+    pub(super) fn fix(&mut self, source: &Source<'_>) {
+        for (index, sensor) in self.sensors.iter().enumerate() {
+            if sensor.servo_from_deg != sensor.servo_to_deg {
+                let key = format!("range.sensor[{index}].servo_to_deg");
+                let wrong = "needs a servo, and the servo's driver is \"none\"";
+                source.refuse(
+                    &key,
+                    wrong,
+                    "the same as servo_from_deg is allowed for a sensor that is fixed",
+                );
+            }
+        }
+        if self.sensors.is_empty() {
+            self.sensors.push(SensorMount::default());
+        }
+    }
+
+    fn show(&mut self, default_beams_deg: &'static [f64], to: &mut dyn Keys) {
         let Look {
             beams_deg,
             half_angle_deg,
@@ -236,7 +269,7 @@ impl Keyed for Look {
             beams_deg,
             Numbers {
                 name: "beams_deg",
-                default: &[0.0, 25.0, -25.0, 50.0, -50.0],
+                default: default_beams_deg,
                 count: 1..=64,
                 allowed: -180.0..=180.0,
                 means: "directions against the heading, looked along in this order",

@@ -1,5 +1,5 @@
 //! The file of a vehicle's node: which vehicle it is, what drives it, and how it joins the bus. Opens nothing of what
-//! it names but the venue; the drivers of real hardware are refused until they are built.
+//! it names but the venue. Which drivers there are is in `drivers.rs` and `range_driver.rs`.
 
 use core::net::SocketAddr;
 
@@ -7,10 +7,12 @@ use tomoswarm_proto::VehicleId;
 
 use super::Loader;
 use super::bus_file::{BusFile, BusFileTable, Role};
+use super::drivers::{DriverKey, Drivers, RadioDriver, ServoDriver};
 use super::forms::{FileName, Loaded};
 use super::keys::{Entry, Form, Keyed, Keys, MaybeTable, Number, Whole, quoted, read_table};
 use super::radio::OwnRadio;
 use super::range::Look;
+use super::range_driver::RangeDriver;
 use super::section::Section;
 use super::sim::{check_border, check_task, load, refuse_blind_speed};
 use super::swarm::Swarm;
@@ -134,101 +136,33 @@ impl Form for PoseSource {
     }
 }
 
-/// What speaks with a device.
-#[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
-pub enum Driver {
-    /// Nothing that is built; never in a file that was accepted.
-    #[default]
-    None,
-    /// The simulated world.
-    Sim,
-}
-
-/// What speaks with the devices of a vehicle.
-#[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
-pub struct Drivers {
-    /// The autopilot.
-    pub autopilot: Driver,
-    /// The servo of the range sensor.
-    pub servo: Driver,
-    /// The range sensor.
-    pub range: Driver,
-    /// The radio.
-    pub radio: Driver,
-}
-
-impl Drivers {
-    /// All of them simulated.
-    pub const SIMULATED: Drivers =
-        Drivers { autopilot: Driver::Sim, servo: Driver::Sim, range: Driver::Sim, radio: Driver::Sim };
-
-    fn has_simulated(&self) -> bool {
-        [self.autopilot, self.servo, self.range, self.radio].contains(&Driver::Sim)
-    }
-}
-
-/// A driver by its name; `planned` are those that hardware will bring.
-struct DriverName<'a> {
-    driver: &'a mut Driver,
-    planned: &'static [&'static str],
-}
-
-impl DriverName<'_> {
-    fn show(&mut self, to: &mut dyn Keys) {
-        let means = "what speaks with it; today only `\"sim\"`";
-        to.form(self, Entry { name: "driver", left_out: "needed", means });
-    }
-}
-
-impl Form for DriverName<'_> {
-    fn written(&self) -> Option<String> {
-        match self.driver {
-            Driver::None => None,
-            Driver::Sim => Some(quoted("sim")),
-        }
-    }
-
-    fn read(&mut self, section: &Section<'_>, key: &'static str) {
-        let allowed = "driver = \"sim\" is allowed today";
-        section.require(key, allowed);
-        let Some(name) = section.text(key) else { return };
-        match name.as_str() {
-            "sim" => *self.driver = Driver::Sim,
-            other if self.planned.contains(&other) => section.refuse(key, "is not built yet", allowed),
-            _ => section.refuse(key, "is not known", allowed),
-        }
-    }
-}
-
-/// A table of a device that has a driver and nothing else.
-impl Keyed for DriverName<'_> {
-    fn keys(&mut self, to: &mut dyn Keys) {
-        self.show(to);
-    }
-}
-
 /// The table `[range]` of a vehicle.
 struct RangeTable<'a> {
-    driver: DriverName<'a>,
+    driver: &'a mut RangeDriver,
+    servo: ServoDriver,
     look: &'a mut Look,
 }
 
 impl Keyed for RangeTable<'_> {
     fn keys(&mut self, to: &mut dyn Keys) {
-        self.driver.show(to);
-        self.look.keys(to);
+        DriverKey(&mut *self.driver).show(to);
+        self.driver.show_tables(to);
+        match self.servo {
+            ServoDriver::Simulated => self.look.keys(to),
+            ServoDriver::None => self.look.fixed_keys(to),
+        }
     }
 }
 
 /// The table `[radio]` of a vehicle.
 struct RadioTable<'a> {
-    driver: DriverName<'a>,
+    driver: &'a mut RadioDriver,
     own: &'a mut OwnRadio,
 }
 
 impl Keyed for RadioTable<'_> {
     fn keys(&mut self, to: &mut dyn Keys) {
-        self.driver.show(to);
+        DriverKey(&mut *self.driver).show(to);
         self.own.keys(to);
         Swarm::moved_air(to);
     }
@@ -277,7 +211,11 @@ impl VehicleFile {
         read_table(&mut file, root);
         file.task = file.mission.task(root.source, is_loaded.then_some(&file.venue), loader);
         check_world(root, &file.drivers);
+        if file.drivers.servo == ServoDriver::None {
+            file.look.fix(root.source);
+        }
         file.look.check(root.source);
+        file.drivers.check(root.source, &file.look);
         file.safety.check(root.source);
         file.bus.check(root.source, Role::Vehicle);
         let is_whole = is_loaded && file.id.0 > 0 && !file.state_dir.is_empty();
@@ -322,17 +260,19 @@ impl Keyed for VehicleFile {
             table("mission", "as in a simulation; a vehicle alone visits all places of `pathfind`"),
         );
         to.table(body, table("vehicle", "its body and how it moves"));
-        let mut device = DriverName { driver: autopilot, planned: &["mavlink"] };
-        to.table(&mut device, table("autopilot", "what drives it"));
-        let mut device = DriverName { driver: servo, planned: &["gpio", "mavlink"] };
-        to.table(&mut device, table("servo", "what turns its range sensors"));
-        let mut sensor = RangeTable { driver: DriverName { driver: range, planned: &["hcsr04"] }, look };
-        to.table(&mut sensor, table("range", "its range sensors"));
-        let driver = DriverName { driver: radio_driver, planned: &["xbee"] };
-        to.table(&mut RadioTable { driver, own: radio }, table("radio", "its radio"));
+        to.table(&mut DriverKey(autopilot), table("autopilot", "what drives it"));
+        to.table(
+            &mut DriverKey(servo),
+            table("servo", "what turns its range sensors; `none`: they are fixed"),
+        );
+        let mut sensor = RangeTable { driver: range, servo: *servo, look };
+        let means = "its range sensors; `none`: it sees nothing, and is not driven";
+        to.table(&mut sensor, table("range", means));
+        let mut device = RadioTable { driver: radio_driver, own: radio };
+        to.table(&mut device, table("radio", "its radio"));
         to.table(pose, table("pose", "how well its place is known"));
         let means = "the simulated world that its drivers speak with; needed by simulated drivers";
-        let is_needed = [&*autopilot, &*servo, &*range, &*radio_driver].contains(&&Driver::Sim);
+        let is_needed = drivers.has_simulated();
         to.maybe_table(&mut WorldTable { world, is_needed }, table("world", means));
         to.table(&mut SafetyTable(safety), table("safety", "the margins that it keeps"));
         let mut joined = BusFileTable { bus, role: Role::Vehicle };
@@ -371,7 +311,7 @@ impl Form for Number1To250<'_> {
 /// An address of nobody.
 const NOWHERE: SocketAddr = SocketAddr::V4(core::net::SocketAddrV4::new(core::net::Ipv4Addr::LOCALHOST, 0));
 
-/// The simulated world, which is named exactly when a driver is simulated.
+/// The simulated world, which must be named when a driver is simulated.
 struct WorldTable<'a> {
     world: &'a mut World,
     is_needed: bool,
@@ -446,14 +386,12 @@ impl Form for Token<'_> {
     }
 }
 
-/// Checks that the simulated world is named exactly when a driver is simulated.
+/// Checks that the simulated world is named when a driver is simulated; one that nothing needs is left alone.
 fn check_world(root: &Section<'_>, drivers: &Drivers) {
-    if drivers.has_simulated() {
+    // A driver that was refused may have been meant to be a real one; its own problem is said already.
+    if drivers.has_simulated() && root.source.is_sound(&["autopilot", "range", "servo", "radio"]) {
         let rule = "a table [world] with connect and token is needed by drivers of the kind \"sim\"";
         root.require("world", rule);
-    } else if root.has("world") && root.source.is_sound(&["autopilot", "range", "servo", "radio"]) {
-        // A driver that was refused may have been meant to be simulated; its own problem is said already.
-        root.refuse("world", "is of no use", "it is for simulated drivers only");
     }
 }
 

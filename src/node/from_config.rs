@@ -7,7 +7,7 @@ use tomoswarm_proto::{Boot, Standing, VehicleId};
 
 use super::memory::Memory;
 use super::settings::{BodySettings, LookSettings, RadioSettings, Settings, Task};
-use crate::config::{self, Body, Look, OwnRadio, Safety, Sim, VehicleFile, Venue};
+use crate::config::{self, Body, Look, OwnRadio, RangeDriver, Safety, Sim, VehicleFile, Venue};
 use crate::geom::{Angle, Lattice, Point};
 
 /// How long a search for a path takes in real time beyond the search itself, which has run by then.
@@ -33,7 +33,7 @@ impl Settings {
     /// Returns what a vehicle is told by the file of its own node; `boot` counts the starts of its software. It
     /// remembers nothing.
     pub fn from_vehicle_file(file: &VehicleFile, boot: Boot) -> Settings {
-        Told {
+        let told = Told {
             venue: &file.venue,
             body: file.body,
             look: &file.look,
@@ -41,8 +41,10 @@ impl Settings {
             safety: file.safety,
             path_time: PATH_TIME,
             task: task(&file.task, file.id, 1),
-        }
-        .settings(file.id, boot, file.home)
+        };
+        let mut settings = told.settings(file.id, boot, file.home);
+        settings.look.is_blind = file.drivers.range == RangeDriver::None;
+        settings
     }
 }
 
@@ -118,6 +120,7 @@ fn body_settings(body: &Body) -> BodySettings {
 
 fn look_settings(look: &Look) -> LookSettings {
     LookSettings {
+        is_blind: false,
         beams: look.beams(),
         half_angle: Angle::from_radians(look.half_angle_rad()),
         min_range_m: look.min_range_m,

@@ -82,6 +82,9 @@ pub struct BodySettings {
 /// The range sensor and how it is pointed.
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
 pub struct LookSettings {
+    /// Whether there is no range sensor at all: such a vehicle sees nothing, and is not driven.
+    #[serde(default)]
+    pub is_blind: bool,
     /// Directions looked at in turn, relative to the heading.
     pub beams: Vec<Angle>,
     /// Half the opening of the cone.

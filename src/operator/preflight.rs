@@ -1,6 +1,8 @@
 //! Whether a run may begin: checks of every vehicle and of the ground station, each by itself, from what they say of
 //! themselves. Pure. What nobody reports is said to be not known, and refuses nothing but where it must be known.
 
+mod devices;
+
 use std::collections::BTreeSet;
 use std::time::Duration;
 
@@ -125,6 +127,7 @@ fn of_vehicle(id: VehicleId, seen: &VehicleView, needs: &Needs, now: Time) -> Ve
     let no_go = Light::NoGo;
     let mut checks = vec![on_bus];
     checks.extend(of_hello(hello, needs));
+    checks.push(devices::devices(hello, health));
     let placed = state.and_then(|state| state.pose);
     checks.push(reported("pose", placed, no_go, |placed| pose(placed, needs)));
     checks.push(reported("fence", placed, no_go, |placed| {

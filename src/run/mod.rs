@@ -7,6 +7,7 @@
 
 pub mod bus;
 pub mod clock;
+pub mod drivers;
 pub mod ground_process;
 pub mod link;
 pub mod live;

@@ -1,5 +1,5 @@
-//! `tomoswarm vehicle`: brings a vehicle's actors together with the bus, the disk and the link to a world, which stands for
-//! autopilot, range sensor and radio, and keeps them until it is asked to stop. Drivers of real devices are not here yet.
+//! `tomoswarm vehicle`: brings a vehicle's actors together with the bus, the disk and the drivers of its devices, and keeps
+//! them until it is asked to stop. It knows no driver (`drivers/`).
 //!
 //! By whose right it was ordered is read from its folder before it joins anything: a vehicle that cannot know it does not
 //! start. When it cannot be written under way, that is a trouble, and no start is obeyed (`node/vehicle/orders.rs`).
@@ -12,14 +12,11 @@ use std::path::Path;
 use std::sync::{Arc, Mutex};
 use std::time::{Duration, SystemTime};
 
-use tomoswarm_proto::{
-    AutopilotFamily, AutopilotHealth, BodyKind, Capability, Health, Message, Mode, RadioKind,
-    RangeSensorKind, Sender, ServoKind, State, VehicleId,
-};
+use tomoswarm_proto::{AutopilotHealth, Health, Message, Mode, Sender, State, VehicleId};
 
 use super::bus::{BusError, Mouth};
 use super::clock::Clock;
-use super::link::{LinkSettings, LinkState, WorldLink};
+use super::drivers::{Devices, Told};
 use super::mailbox::{Troubles, lock};
 use super::member::Member;
 use super::membership::{self, NoChance};
@@ -30,7 +27,6 @@ use super::trust::TrustError;
 use crate::config::{Record, VehicleFile};
 use crate::geom::Lattice;
 use crate::node::outbox::Tally;
-use crate::node::vehicle::Fly;
 use crate::node::{Effect, Event, Settings, VehicleWiring};
 use crate::store::memory::{MemoryDriver, MemoryError, MemoryFile};
 use crate::store::outbox::{OutboxDriver, OutboxSettings};
@@ -50,18 +46,8 @@ const BRAKES_AT_LEAST: Duration = Duration::from_millis(300);
 const STOP_EVERY: Duration = Duration::from_millis(50);
 /// An autopilot that has said nothing for so long is silent.
 const AUTOPILOT_SILENT: Duration = Duration::from_secs(2);
-/// A range sensor that has answered no ping for so long is silent.
-const RANGE_SILENT: Duration = Duration::from_secs(3);
 /// Who was in the ring when a beacon was sent is heard for so long.
 const HEARS_FOR: Duration = Duration::from_secs(5);
-
-/// What a vehicle has: all of its drivers are simulated today, and its autopilot is a rover's.
-const CAPABILITIES: [Capability; 4] = [
-    Capability::Autopilot(AutopilotFamily::Simulated, BodyKind::Rover),
-    Capability::RangeSensor(RangeSensorKind::Simulated),
-    Capability::Servo(ServoKind::Simulated),
-    Capability::Radio(RadioKind::Simulated),
-];
 
 /// Why a vehicle's process cannot begin.
 #[derive(Debug, thiserror::Error)]
@@ -110,8 +96,6 @@ struct Last {
     state_at: Option<Time>,
     /// Who was in the ring at the last beacon.
     hears: Option<(Time, Vec<VehicleId>)>,
-    /// The first ping that was not answered.
-    ping: Option<Time>,
     tally: Tally,
 }
 
@@ -119,10 +103,6 @@ impl Last {
     /// Tells whether the autopilot has said nothing for too long; also one that was never heard.
     fn is_autopilot_silent(&self, now: Time) -> bool {
         now.since(self.state_at.unwrap_or(Time::ZERO)) > AUTOPILOT_SILENT
-    }
-
-    fn is_range_silent(&self, now: Time) -> bool {
-        self.ping.is_some_and(|at| now.since(at) > RANGE_SILENT)
     }
 
     fn hears(&self, now: Time) -> Vec<VehicleId> {
@@ -139,7 +119,7 @@ type LiveVehicle = LiveNode<VehicleWiring>;
 
 struct Edge {
     mouth: Mouth,
-    world: WorldLink,
+    devices: Devices,
     outbox: OutboxDriver,
     memory: MemoryDriver,
     stops: StopsDriver,
@@ -151,16 +131,10 @@ struct Edge {
 impl Edge {
     fn carry_out(&self, effect: Effect) {
         match &effect {
-            Effect::Fly(_) | Effect::Steer(_) => {
-                self.world.send(&effect);
-            }
-            Effect::Ping(_) => {
-                lock(&self.last).ping.get_or_insert(self.clock.now());
-                self.world.send(&effect);
-            }
+            Effect::Fly(_) | Effect::Steer(_) | Effect::Ping(_) => self.devices.carry_out(&effect),
             Effect::Transmit(beacon) => {
                 lock(&self.last).hears = Some((self.clock.now(), beacon.members.clone()));
-                self.world.send(&effect);
+                self.devices.carry_out(&effect);
             }
             Effect::Publish(message) => {
                 if let Message::State(state) = message {
@@ -199,7 +173,7 @@ pub fn run(
     let settings =
         Settings { memory: remembered, stops, ..Settings::from_vehicle_file(file, state_dir.boot()) };
     let sender = Sender::Vehicle(file.id);
-    let hello = membership::greeting(sender, state_dir.boot(), &file.venue, CAPABILITIES.to_vec())?;
+    let hello = membership::greeting(sender, state_dir.boot(), &file.venue, file.drivers.capabilities())?;
     let node = LiveVehicle::default();
     let told = node.clone();
     let access = membership::access(sender, &file.venue, &file.bus, Some(&state_dir))?;
@@ -212,15 +186,17 @@ pub fn run(
         return Ok(finish);
     }
     let last = Arc::new(Mutex::<Last>::default());
-    let world = link(file, &state_dir, node.clone(), last.clone())?;
+    let clock = process.context().clock;
+    let told = node.clone();
+    let told: Told = Arc::new(move |event| told.tell(event));
+    let devices = Devices::start(file, state_dir.boot(), clock, &told)?;
     let outbox = outbox(file, &state_dir, node.clone())?;
     let told = node.clone();
     let memory = MemoryDriver::start(memory_file, remembered, move |event| told.tell(event))?;
     let stops = StopsDriver::start(stops_file)?;
-    let clock = process.context().clock;
     let edge = Arc::new(Edge {
         mouth: member.mouth(),
-        world,
+        devices,
         outbox,
         memory,
         stops,
@@ -234,7 +210,6 @@ pub fn run(
     let threads = node.start(process.context(), settings.clone(), recorder.as_ref(), carry_out)?;
     let mut said_at = Time::ZERO;
     let mut tick = |now: Time, member: &Member, troubles: &Troubles| {
-        edge.watch_world(troubles);
         edge.watch_devices(troubles);
         edge.watch_disk(troubles);
         watch_recorder(recorder.as_ref(), troubles);
@@ -254,7 +229,7 @@ pub fn run(
     edge.come_to_rest(&threads);
     node.close();
     threads.join();
-    edge.stop();
+    edge.devices.stop();
     // Nobody else holds them: what is not on disk yet is written now.
     drop((edge, recorder));
     member.close();
@@ -309,45 +284,13 @@ fn outbox(file: &VehicleFile, state_dir: &StateDir, node: LiveVehicle) -> std::i
     OutboxDriver::start(settings, move |event| node.tell(event))
 }
 
-fn link(
-    file: &VehicleFile,
-    state_dir: &StateDir,
-    node: LiveVehicle,
-    last: Arc<Mutex<Last>>,
-) -> std::io::Result<WorldLink> {
-    let settings = LinkSettings {
-        address: file.world.connect,
-        token: file.world.token.clone(),
-        vehicle: file.id,
-        boot: state_dir.boot(),
-    };
-    WorldLink::connect(settings, move |event| {
-        if matches!(event, Event::Echo(_)) {
-            lock(&last).ping = None;
-        }
-        node.tell(event);
-    })
-}
-
 impl Edge {
-    fn watch_world(&self, troubles: &Troubles) {
-        match self.world.state() {
-            LinkState::Joined(_) => troubles.clear("world"),
-            LinkState::Connecting(reason) => {
-                troubles.raise("world", reason.unwrap_or_else(|| "not connected".to_owned()));
-            }
-            LinkState::Refused(refused) => troubles.raise("world", refused.to_string()),
-        }
-    }
-
     fn watch_devices(&self, troubles: &Troubles) {
-        let (now, last) = (self.clock.now(), lock(&self.last));
-        let watch = |who: &str, what: &str, is_silent: bool| match is_silent {
-            true => troubles.raise(who, what.to_owned()),
-            false => troubles.clear(who),
-        };
-        watch("autopilot", "it says nothing", last.is_autopilot_silent(now));
-        watch("range sensor", "it answers nothing", last.is_range_silent(now));
+        self.devices.watch(troubles);
+        match lock(&self.last).is_autopilot_silent(self.clock.now()) {
+            true => troubles.raise("autopilot", "it says nothing".to_owned()),
+            false => troubles.clear("autopilot"),
+        }
     }
 
     fn watch_disk(&self, troubles: &Troubles) {
@@ -373,7 +316,6 @@ impl Edge {
         let (tally, hears, is_heard) = (last.tally, last.hears(self.clock.now()), last.state.is_some());
         drop(last);
         let traffic = self.mouth.traffic();
-        // What the simulated devices have done is not counted here.
         Health {
             vehicle: settings.vehicle,
             boot: settings.boot,
@@ -385,13 +327,10 @@ impl Edge {
             frames_unknown: traffic.unknown,
             disk_free_mb: state_dir.free_mb(),
             autopilot: is_heard.then(AutopilotHealth::default),
+            range: self.devices.range_health(),
             troubles: short(troubles.list()),
             ..Health::default()
         }
-    }
-
-    fn stop(&self) {
-        self.world.send(&Effect::Fly(Fly::Stop));
     }
 
     /// Brakes, until the vehicle stands and the mission has ended, or for long enough.
@@ -401,7 +340,7 @@ impl Edge {
         let begun = self.clock.now();
         let mut ended = None;
         loop {
-            self.stop();
+            self.devices.stop();
             let now = self.clock.now();
             if threads.has_ended(mission.wire.name) {
                 ended.get_or_insert(now);
@@ -457,9 +396,6 @@ mod tests {
         assert!(!last.is_autopilot_silent(at(2.0)) && last.is_autopilot_silent(at(2.1)), "never heard");
         last.state_at = Some(at(5.0));
         assert!(!last.is_autopilot_silent(at(7.0)) && last.is_autopilot_silent(at(7.1)));
-        assert!(!last.is_range_silent(at(9.0)), "it was not asked");
-        last.ping = Some(at(9.0));
-        assert!(!last.is_range_silent(at(12.0)) && last.is_range_silent(at(12.1)));
         last.hears = Some((at(1.0), vec![VehicleId(2)]));
         assert_eq!((last.hears(at(6.0)), last.hears(at(6.1))), (vec![VehicleId(2)], vec![]));
     }

@@ -2,10 +2,17 @@
 
 use std::time::Duration;
 
-use tomoswarm::config::{self, Config, GroundFile, Safety, VehicleFile, bundled};
+use tomoswarm::config::{self, Config, Drivers, GroundFile, Safety, VehicleFile, bundled};
+#[cfg(feature = "hw")]
+use tomoswarm::config::{
+    LengthUnit, RangeDriver, SerialProtocol, SerialSensor, SerialText, ServoDriver, TextFormat,
+};
+use tomoswarm::geom::Angle;
 use tomoswarm::ground::from_config::ground_parts;
 use tomoswarm::node::Settings;
-use tomoswarm_proto::{Boot, RunId, VehicleId};
+use tomoswarm_proto::{
+    AutopilotFamily, BodyKind, Boot, Capability, RadioKind, RangeSensorKind, RunId, ServoKind, VehicleId,
+};
 
 const VEHICLE: &str = "\
 kind = \"vehicle\"
@@ -261,22 +268,158 @@ fn a_speed_beyond_what_is_seen_is_refused() {
 }
 
 #[test]
-fn drivers_of_hardware_are_refused_by_name_until_they_are_built() {
-    for (section, driver) in [
-        ("autopilot", "mavlink"),
-        ("servo", "gpio"),
-        ("servo", "mavlink"),
-        ("range", "hcsr04"),
-        ("radio", "xbee"),
+fn drivers_that_are_not_built_in_are_refused_by_name() {
+    let serial = if cfg!(feature = "hw") { "\"serial-text\" or " } else { "" };
+    let ranges = format!("\"sim\" or {serial}\"none\"");
+    for (section, driver, built) in [
+        ("autopilot", "mavlink", "\"sim\""),
+        ("servo", "gpio", "\"sim\" or \"none\""),
+        ("servo", "mavlink", "\"sim\" or \"none\""),
+        ("range", "hcsr04", ranges.as_str()),
+        ("radio", "xbee", "\"sim\""),
     ] {
         let (old, new) = (format!("{section}.driver = \"sim\""), format!("{section}.driver = \"{driver}\""));
-        let said =
-            format!("{section}.driver = \"{driver}\": is not built yet; driver = \"sim\" is allowed today");
+        let said = format!("{section}.driver = \"{driver}\": is not built in; driver = {built} is allowed");
         check_replaced(VEHICLE, &old, &new, &[&said]);
-        check_replaced(VEHICLE, &old, &format!("{section}.driver = \"usb\""), &["\"usb\": is not known"]);
+        let said = format!("\"usb\": is not known; driver = {built} is allowed");
+        check_replaced(VEHICLE, &old, &format!("{section}.driver = \"usb\""), &[&said]);
     }
     // Each device has its own.
     check_replaced(VEHICLE, "radio.driver = \"sim\"", "radio.driver = \"gpio\"", &["is not known"]);
+    check_replaced(VEHICLE, "radio.driver = \"sim\"", "radio.driver = \"none\"", &["is not known"]);
+}
+
+#[test]
+fn a_vehicle_says_what_its_drivers_have() {
+    let text = VEHICLE.replace("range.driver = \"sim\"", "range.driver = \"none\"");
+    let text = text.replace("servo.driver = \"sim\"", "servo.driver = \"none\"");
+    let blind = vehicle(&text);
+    assert!(Settings::from_vehicle_file(&blind, Boot(1)).look.is_blind);
+    assert!(!Settings::from_vehicle_file(&vehicle(VEHICLE), Boot(1)).look.is_blind);
+    let autopilot = Capability::Autopilot(AutopilotFamily::Simulated, BodyKind::Rover);
+    let radio = Capability::Radio(RadioKind::Simulated);
+    assert_eq!(blind.drivers.capabilities(), [autopilot, radio]);
+    let (range, servo) =
+        (Capability::RangeSensor(RangeSensorKind::Simulated), Capability::Servo(ServoKind::Simulated));
+    assert_eq!(Drivers::SIMULATED.capabilities(), [autopilot, range, servo, radio]);
+}
+
+#[test]
+fn without_a_servo_the_sensors_are_fixed_and_look_ahead() {
+    let text = VEHICLE.replace("servo.driver = \"sim\"", "servo.driver = \"none\"");
+    let ahead = vehicle(&text).look;
+    assert_eq!((ahead.beams_deg.as_slice(), ahead.sensors.len()), ([0.0].as_slice(), 1));
+    assert_eq!(ahead.mounts().aim(Angle::from_degrees(1.0)), None);
+    let written = config::written(&Config::Vehicle(Box::new(vehicle(&text))));
+    let read =
+        config::read_vehicle("v.toml", &written, &mut |_| bundled::load("configs/courtyard.venue.toml"));
+    assert_eq!(read.unwrap().look, ahead, "{written}");
+    let two =
+        "range.beams_deg = [30, -30]\n[[range.sensor]]\nmount_deg = 30\n[[range.sensor]]\nmount_deg = -30\n";
+    let fan = vehicle(&format!("{text}{two}")).look;
+    assert_eq!((fan.beams_deg.as_slice(), fan.sensors.len()), ([30.0, -30.0].as_slice(), 2));
+    check_one(
+        &format!("{text}range.beams_deg = [0, 25]\n"),
+        &["range.beams_deg", "25° is reached by no servo"],
+    );
+    check_one(
+        &format!("{text}[[range.sensor]]\nservo_to_deg = 30\n"),
+        &["range.sensor[0].servo_to_deg", "needs a servo, and the servo's driver is \"none\""],
+    );
+}
+
+/// A vehicle with a range sensor on a serial line.
+#[cfg(feature = "hw")]
+fn serial(lines: &str) -> String {
+    let text = VEHICLE.replace("range.driver = \"sim\"", "range.driver = \"serial-text\"");
+    let text = text.replace("servo.driver = \"sim\"", "servo.driver = \"none\"");
+    format!("{text}range.serial-text.port = \"/dev/ttyUSB0\"\n{lines}")
+}
+
+#[cfg(feature = "hw")]
+#[test]
+fn a_range_sensor_on_a_serial_line_is_told_its_port_and_its_lines() {
+    let file = vehicle(&serial(""));
+    let text = SerialText::default();
+    let port = "/dev/ttyUSB0".to_owned();
+    let sensor = SerialSensor { port, baud: 9600, protocol: SerialProtocol::Text(text) };
+    assert_eq!(
+        file.drivers,
+        Drivers { range: RangeDriver::Serial(sensor), servo: ServoDriver::None, ..Drivers::SIMULATED }
+    );
+    assert_eq!(text.nothing_from_m(&file.look), Some(4.0));
+    let kinds = file.drivers.capabilities();
+    assert!(kinds.contains(&Capability::RangeSensor(RangeSensorKind::SerialText)), "{kinds:?}");
+    assert!(!kinds.iter().any(|kind| matches!(kind, Capability::Servo(_))), "{kinds:?}");
+    let further = "range.serial-text.baud = 57600\nrange.serial-text.format = \"number\"\n\
+        range.serial-text.unit = \"cm\"\nrange.serial-text.nothing_from = 1200\nrange.serial-text.delay_s = 0.05\n";
+    let file = vehicle(&serial(further));
+    let RangeDriver::Serial(SerialSensor { baud: 57_600, protocol: SerialProtocol::Text(text), .. }) =
+        file.drivers.range
+    else {
+        panic!("{:?}", file.drivers)
+    };
+    assert_eq!((text.format, text.unit, text.delay_s), (TextFormat::Number, LengthUnit::Centimetres, 0.05));
+    assert_eq!(text.nothing_from_m(&file.look), Some(12.0));
+    // What is printed means the same.
+    let file = vehicle(&serial(further));
+    let written = config::written(&Config::Vehicle(Box::new(file.clone())));
+    let read =
+        config::read_vehicle("v.toml", &written, &mut |_| bundled::load("configs/courtyard.venue.toml"));
+    assert_eq!(read.unwrap().drivers, file.drivers, "{written}");
+}
+
+#[cfg(feature = "hw")]
+#[test]
+fn every_wrong_value_of_a_range_sensor_on_a_serial_line_is_refused() {
+    let table = "range.serial-text";
+    for (lines, parts) in [
+        ("baud = 299", ["baud = 299: is out of range", "300 to 4000000"]),
+        ("baud = 5000000", ["baud = 5000000: is out of range", ""]),
+        ("format = \"nmea\"", ["format = \"nmea\": is no choice", "\"maxbotix\" or \"number\""]),
+        ("unit = \"ft\"", ["unit = \"ft\": is no choice", "\"in\""]),
+        ("unit = \"cm\"", ["unit = \"cm\": is not what a line such as R1234 counts", "\"mm\""]),
+        ("nothing_from = 3999", ["nothing_from = 3999: is nearer than max_range_m", "taken for free"]),
+        ("nothing_from = -1", ["nothing_from = -1: is out of range", ""]),
+        ("delay_s = 0.07", ["delay_s = 0.07: leaves no time for an answer", "scan_period_s"]),
+        ("delay_s = -1", ["delay_s = -1: is out of range", ""]),
+        ("pin = 4", ["pin: is not known", ""]),
+    ] {
+        check_one(&serial(&format!("{table}.{lines}\n")), &parts);
+    }
+    for port in ["ttyUSB0", "", "/dev/tty\\u0000"] {
+        check_replaced(&serial(""), "/dev/ttyUSB0", port, &["range.serial-text.port"]);
+    }
+    let portless = serial("").replace("range.serial-text.port = \"/dev/ttyUSB0\"\n", "");
+    check_one(&portless, &["range.serial-text: is missing", "with its port is needed"]);
+    check_one(&format!("{portless}{table}.baud = 9600\n"), &["range.serial-text.port: is missing"]);
+    check_one(
+        &serial("range.max_range_m = 12\nrange.farness_m = 4\n"),
+        &["range.max_range_m = 12: is farther than a line such as R9999 says"],
+    );
+    check_one(
+        &serial("").replace("servo.driver = \"none\"", "servo.driver = \"sim\""),
+        &["servo.driver = \"sim\": turns no real range sensor", "driver = \"none\" is allowed"],
+    );
+    check_replaced(
+        &serial(""),
+        "servo.driver = \"none\"",
+        "servo.driver = \"gpio\"",
+        &["servo.driver = \"gpio\": is not built in"],
+    );
+    let two = "range.beams_deg = [0]\n[[range.sensor]]\n[[range.sensor]]\nmount_deg = 9\n";
+    check_one(&serial(two), &["range.sensor", "one port is one sensor"]);
+}
+
+#[test]
+fn what_the_drivers_that_are_not_chosen_would_be_told_is_checked_and_left_alone() {
+    let unused = format!("{VEHICLE}range.serial-text.port = \"/dev/ttyUSB0\"\n");
+    assert_eq!(vehicle(&unused).drivers, Drivers::SIMULATED);
+    check_one(
+        &format!("{unused}range.serial-text.baud = 1\n"),
+        &["range.serial-text.baud = 1: is out of range"],
+    );
+    check_one(&format!("{VEHICLE}range.serial-text.baud = 9600\n"), &["range.serial-text.port: is missing"]);
 }
 
 #[test]

@@ -394,6 +394,7 @@ fn settings(vehicle: u8, boot: u32) -> Settings {
         slice: 0,
         body: BodySettings { radius_m: 0.25, speed_mps: 0.5, braking_mps2: 1.0 },
         look: LookSettings {
+            is_blind: false,
             beams: vec![Angle::default()],
             half_angle: Angle::from_degrees(15.0),
             min_range_m: 0.1,

@@ -7,6 +7,8 @@
 mod certificates;
 mod clocks;
 mod deaths;
+#[cfg(feature = "hw")]
+mod drivers;
 mod grounds;
 mod member;
 mod operator;

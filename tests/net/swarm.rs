@@ -478,6 +478,12 @@ impl Swarm {
         assert!(run.status.success(), "order {words:?}: {}", String::from_utf8_lossy(&run.stderr));
     }
 
+    /// Runs an operator's tool to its end, however it ends; gives what it prints.
+    pub fn tool(&self, words: &[&str]) -> String {
+        let run = Command::new(PROGRAM).args(words).current_dir(self.folder.path()).output().unwrap();
+        String::from_utf8_lossy(&run.stdout).into_owned()
+    }
+
     /// Waits until the sweep has ended.
     pub fn until_end(&self) {
         self.until("the sweep has ended", 120, Watch::has_ended);

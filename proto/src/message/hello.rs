@@ -61,6 +61,8 @@ pub enum RangeSensorKind {
     Autopilot,
     /// Something that this version has no name for.
     Other,
+    /// A sensor that says lines of text on a serial line.
+    SerialText,
 }
 
 /// What a servo is moved by.

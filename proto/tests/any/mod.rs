@@ -76,13 +76,7 @@ fn emergency() -> impl Strategy<Value = EmergencyStop> {
 }
 
 fn order_kind() -> impl Strategy<Value = OrderKind> {
-    select(vec![
-        OrderKind::Start,
-        OrderKind::Hold,
-        OrderKind::Return,
-        OrderKind::Land,
-        OrderKind::CutMotors,
-    ])
+    select(vec![OrderKind::Start, OrderKind::Hold, OrderKind::Return, OrderKind::Land, OrderKind::CutMotors])
 }
 
 fn mission_kind() -> impl Strategy<Value = MissionKind> {
@@ -116,6 +110,7 @@ fn capability() -> impl Strategy<Value = Capability> {
         RangeSensorKind::TfLuna,
         RangeSensorKind::Autopilot,
         RangeSensorKind::Other,
+        RangeSensorKind::SerialText,
     ]);
     let servo = select(vec![ServoKind::Simulated, ServoKind::Pwm, ServoKind::Autopilot, ServoKind::Other]);
     let radio = select(vec![RadioKind::Simulated, RadioKind::XBee, RadioKind::Other]);

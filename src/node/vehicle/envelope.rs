@@ -37,6 +37,9 @@ impl Vehicle {
         if let Some(refusal) = self.orders.restraint().refusal() {
             return Err(refusal);
         }
+        if route.is_some() && self.settings.look.is_blind {
+            return Err(Refusal::Blind);
+        }
         let telemetry = self.telemetry.fresh(now).ok_or(Refusal::NoPose)?;
         if telemetry.pose.sd_m > self.settings.swarm.pose_sd_max_m {
             return Err(Refusal::PoseUncertain);

@@ -7,6 +7,7 @@ use super::*;
 use crate::geom::Angle;
 use crate::geom::Pose;
 
+mod blind;
 mod drawings;
 mod emergencies;
 mod laws;

@@ -127,4 +127,6 @@ pub enum Refusal {
     Old,
     /// An order to hold or to land stands, until a start or a return.
     Held,
+    /// There is no range sensor.
+    Blind,
 }

@@ -1,7 +1,10 @@
 //! Every check by itself: a sound swarm is go, and one thing wrong makes exactly that check refuse.
 
 use tomoswarm_proto::codec::{Greeting, VERSION};
-use tomoswarm_proto::{AutopilotHealth, Boot, Deviation, Message, OrderKind, Permille, Sender, State};
+use tomoswarm_proto::{
+    AutopilotFamily, AutopilotHealth, BodyKind, Boot, Capability, Deviation, Message, OrderKind, Permille,
+    RadioKind, RangeHealth, RangeSensorKind, Sender, ServoKind, State,
+};
 
 use super::super::Heard;
 use super::super::tests_support::{Rover, at, heard, report, state};
@@ -17,6 +20,16 @@ struct Swarm {
     reports: Vec<Report>,
 }
 
+/// What a vehicle has.
+fn capabilities() -> [Capability; 4] {
+    [
+        Capability::Autopilot(AutopilotFamily::Simulated, BodyKind::Rover),
+        Capability::RangeSensor(RangeSensorKind::SerialText),
+        Capability::Servo(ServoKind::Simulated),
+        Capability::Radio(RadioKind::Simulated),
+    ]
+}
+
 fn hello(node: Sender) -> Hello {
     Hello {
         node,
@@ -27,7 +40,7 @@ fn hello(node: Sender) -> Hello {
         member_for_s: 60,
         name: String::new(),
         software: "0.1.0".to_owned(),
-        capabilities: vec![],
+        capabilities: capabilities().to_vec(),
         lease: None,
         interest: vec![],
     }
@@ -132,6 +145,35 @@ fn each_check_of_a_vehicle_can_refuse() {
     let failsafes = Failsafes { companion: FailsafeAction::Off, ..Failsafes::default() };
     let off = AutopilotHealth { failsafes, ..AutopilotHealth::default() };
     wrong(|swarm| swarm.healths[0].autopilot = Some(off), &["vehicle 1: failsafes"]);
+}
+
+#[test]
+fn a_vehicle_names_its_devices_and_one_that_a_run_needs_is_missed() {
+    let found = |change: &dyn Fn(&mut Swarm)| {
+        let mut swarm = Swarm::sound();
+        change(&mut swarm);
+        let nodes = inspect(&swarm.view(), &needs(), at(NOW_S));
+        let devices = nodes[0].checks.iter().find(|check| check.what == "devices").unwrap();
+        (devices.light, devices.found.clone())
+    };
+    let all = "autopilot Simulated (Rover); range sensor SerialText; servo Simulated; radio Simulated";
+    assert_eq!(found(&|_| {}), (Light::Go, all.to_owned()));
+    let counted = |swarm: &mut Swarm| swarm.healths[0].range = Some(RangeHealth { glitches: 3, faults: 4 });
+    let counts = format!("{all}; range: 3 glitches, 4 pings without an answer");
+    assert_eq!(found(&counted), (Light::Go, counts));
+    let has = |without: usize| {
+        move |swarm: &mut Swarm| {
+            swarm.hellos[0].capabilities.remove(without);
+        }
+    };
+    assert_eq!(found(&has(2)).0, Light::Go, "a range sensor may be fixed");
+    for (without, missed) in [(0, "no autopilot"), (1, "no range sensor: it sees nothing"), (3, "no radio")] {
+        let (light, found) = found(&has(without));
+        assert!(light == Light::NoGo && found.starts_with(missed), "{found}");
+        wrong(has(without), &["vehicle 1: devices"]);
+    }
+    let says_nothing = |swarm: &mut Swarm| swarm.hellos[0].capabilities.clear();
+    assert_eq!(found(&says_nothing), (Light::Unknown, "not reported".to_owned()));
 }
 
 #[test]

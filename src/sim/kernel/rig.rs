@@ -63,6 +63,7 @@ fn settings() -> Settings {
         slice: 0,
         body: BodySettings { radius_m: RADIUS_M, speed_mps: 0.5, braking_mps2: 1.0 },
         look: LookSettings {
+            is_blind: false,
             beams: degrees.map(Angle::from_degrees).to_vec(),
             half_angle: Angle::from_degrees(15.0),
             min_range_m: 0.02,

@@ -1,0 +1,218 @@
+//! Which driver speaks with each device of a vehicle: autopilot, servo, range sensor and radio are chosen each by itself. The
+//! choice of range sensors, and what their drivers are told, has a file of its own. Opens no device.
+
+use tomoswarm_proto::{AutopilotFamily, BodyKind, Capability, RadioKind, ServoKind};
+
+use super::keys::{Entry, Form, Keyed, Keys, quoted};
+use super::range::Look;
+use super::range_driver::RangeDriver;
+use super::section::Section;
+use super::source::Source;
+
+/// What speaks with the devices of a vehicle.
+#[derive(Clone, PartialEq, Debug, Default)]
+pub struct Drivers {
+    /// The autopilot.
+    pub autopilot: AutopilotDriver,
+    /// The servo of the range sensor.
+    pub servo: ServoDriver,
+    /// The range sensor.
+    pub range: RangeDriver,
+    /// The radio.
+    pub radio: RadioDriver,
+}
+
+/// What speaks with an autopilot.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
+pub enum AutopilotDriver {
+    /// The simulated world.
+    #[default]
+    Simulated,
+}
+
+/// What turns range sensors.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
+pub enum ServoDriver {
+    /// The simulated world.
+    #[default]
+    Simulated,
+    /// Nothing: the sensors are fixed.
+    None,
+}
+
+/// What speaks with a radio.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
+pub enum RadioDriver {
+    /// The simulated world.
+    #[default]
+    Simulated,
+}
+
+impl Drivers {
+    /// All of them simulated.
+    pub const SIMULATED: Drivers = Drivers {
+        autopilot: AutopilotDriver::Simulated,
+        servo: ServoDriver::Simulated,
+        range: RangeDriver::Simulated,
+        radio: RadioDriver::Simulated,
+    };
+
+    /// Returns whether a device is simulated: then a world is needed.
+    pub fn has_simulated(&self) -> bool {
+        let Drivers { autopilot, servo, range, radio } = self;
+        *autopilot == AutopilotDriver::Simulated
+            || *servo == ServoDriver::Simulated
+            || *range == RangeDriver::Simulated
+            || *radio == RadioDriver::Simulated
+    }
+
+    /// Returns what a vehicle with these drivers has, ascending.
+    pub fn capabilities(&self) -> Vec<Capability> {
+        let autopilot = match self.autopilot {
+            AutopilotDriver::Simulated => Capability::Autopilot(AutopilotFamily::Simulated, BodyKind::Rover),
+        };
+        let servo = match self.servo {
+            ServoDriver::Simulated => Some(Capability::Servo(ServoKind::Simulated)),
+            ServoDriver::None => None,
+        };
+        let radio = match self.radio {
+            RadioDriver::Simulated => Capability::Radio(RadioKind::Simulated),
+        };
+        let range = self.range.kind().map(Capability::RangeSensor);
+        let mut all: Vec<Capability> =
+            [Some(autopilot), range, servo, Some(radio)].into_iter().flatten().collect();
+        all.sort_unstable();
+        all
+    }
+
+    /// Returns the drivers in words, for people.
+    pub fn in_words(&self) -> String {
+        let Drivers { autopilot, servo, range, radio } = self;
+        let port = range.port().map(|port| format!(" on {port}")).unwrap_or_default();
+        let (autopilot, servo, range, radio) = (autopilot.name(), servo.name(), range.name(), radio.name());
+        format!("autopilot {autopilot}, range {range}{port}, servo {servo}, radio {radio}")
+    }
+
+    /// Checks the choices together, and with where the range sensors look.
+    pub(super) fn check(&self, source: &Source<'_>, look: &Look) {
+        let is_simulated = self.servo == ServoDriver::Simulated && source.is_sound(&["servo"]);
+        if self.range.is_real() && is_simulated {
+            let wrong = "turns no real range sensor: its readings would be taken for beams that it does not look along";
+            source.refuse("servo.driver", wrong, "driver = \"none\" is allowed, for a sensor that is fixed");
+        }
+        self.range.check(source, look);
+    }
+}
+
+/// A driver that this program knows.
+pub(super) struct Known<D> {
+    /// Its name in files.
+    pub(super) name: &'static str,
+    /// Whether it is built in.
+    pub(super) is_built: bool,
+    /// The driver, its settings not read yet.
+    pub(super) driver: D,
+}
+
+/// A choice of drivers for a kind of device.
+pub(super) trait DriverChoice: Sized {
+    /// Names of drivers that later versions will have.
+    const PLANNED: &'static [&'static str];
+
+    /// Returns all drivers that this version knows.
+    fn all() -> Vec<Known<Self>>;
+
+    /// Returns the name of the one that is chosen.
+    fn name(&self) -> &'static str;
+}
+
+/// Returns a driver that needs nothing of the machine, and so is always built in.
+pub(super) fn always<D>(name: &'static str, driver: D) -> Known<D> {
+    Known { name, is_built: true, driver }
+}
+
+impl DriverChoice for AutopilotDriver {
+    const PLANNED: &'static [&'static str] = &["mavlink"];
+
+    fn all() -> Vec<Known<AutopilotDriver>> {
+        vec![always("sim", AutopilotDriver::Simulated)]
+    }
+
+    fn name(&self) -> &'static str {
+        match self {
+            AutopilotDriver::Simulated => "sim",
+        }
+    }
+}
+
+impl DriverChoice for ServoDriver {
+    const PLANNED: &'static [&'static str] = &["gpio", "mavlink"];
+
+    fn all() -> Vec<Known<ServoDriver>> {
+        vec![always("sim", ServoDriver::Simulated), always("none", ServoDriver::None)]
+    }
+
+    fn name(&self) -> &'static str {
+        match self {
+            ServoDriver::Simulated => "sim",
+            ServoDriver::None => "none",
+        }
+    }
+}
+
+impl DriverChoice for RadioDriver {
+    const PLANNED: &'static [&'static str] = &["xbee"];
+
+    fn all() -> Vec<Known<RadioDriver>> {
+        vec![always("sim", RadioDriver::Simulated)]
+    }
+
+    fn name(&self) -> &'static str {
+        match self {
+            RadioDriver::Simulated => "sim",
+        }
+    }
+}
+
+/// The key `driver` of a device's table.
+pub(super) struct DriverKey<'a, D>(pub(super) &'a mut D);
+
+impl<D: DriverChoice> DriverKey<'_, D> {
+    pub(super) fn show(&mut self, to: &mut dyn Keys) {
+        to.form(self, Entry { name: "driver", left_out: "needed", means: "what speaks with it" });
+    }
+}
+
+impl<D: DriverChoice> Form for DriverKey<'_, D> {
+    fn written(&self) -> Option<String> {
+        Some(quoted(self.0.name()))
+    }
+
+    fn read(&mut self, section: &Section<'_>, key: &'static str) {
+        let all = D::all();
+        let built: Vec<String> =
+            all.iter().filter(|known| known.is_built).map(|known| quoted(known.name)).collect();
+        let allowed = format!("driver = {} is allowed", built.join(" or "));
+        section.require(key, &allowed);
+        let Some(name) = section.text(key) else { return };
+        let known = all.into_iter().find(|known| known.name == name);
+        let is_planned = known.is_some() || D::PLANNED.contains(&name.as_str());
+        match known.filter(|known| known.is_built) {
+            Some(known) => *self.0 = known.driver,
+            None if is_planned => section.refuse(key, "is not built in", &allowed),
+            None => section.refuse(key, "is not known", &allowed),
+        }
+    }
+
+    fn allowed(&self) -> String {
+        let names: Vec<&str> = D::all().iter().map(|known| known.name).collect();
+        names.join(", ")
+    }
+}
+
+/// A table of a device that has a driver and nothing else.
+impl<D: DriverChoice> Keyed for DriverKey<'_, D> {
+    fn keys(&mut self, to: &mut dyn Keys) {
+        self.show(to);
+    }
+}

@@ -1,0 +1,348 @@
+//! Drivers of range sensors: their names, and what each is told in a table of its name. To add one is to add a variant
+//! here, and what its bytes mean in `hw/` (a sensor on a serial line) or what reads it in `run/drivers/range/`.
+//!
+//! Where the sensors sit and how far they look is in `range.rs`, whatever reads them.
+
+use std::time::Duration;
+
+use tomoswarm_proto::RangeSensorKind;
+
+use super::drivers::{DriverChoice, Known, always};
+use super::keys::{Bounds, Choice, Entry, Form, Keyed, Keys, MaybeTable, Number, Whole, Words, quoted};
+use super::range::Look;
+use super::section::Section;
+use super::source::Source;
+use super::vehicle::seconds;
+
+/// What reads the range sensors of a vehicle.
+#[derive(Clone, PartialEq, Debug, Default)]
+pub enum RangeDriver {
+    /// The simulated world.
+    #[default]
+    Simulated,
+    /// A sensor on a serial line, which measures all the time.
+    Serial(SerialSensor),
+    /// Nothing: the vehicle sees nothing, and is not driven.
+    None,
+}
+
+/// A range sensor on a serial line.
+#[derive(Clone, PartialEq, Debug)]
+pub struct SerialSensor {
+    /// The port, a file of the machine such as `/dev/serial/by-id/usb-…`.
+    pub port: String,
+    /// Bits per second.
+    pub baud: usize,
+    /// What its bytes mean.
+    pub protocol: SerialProtocol,
+}
+
+/// What the bytes of a range sensor on a serial line mean.
+#[derive(Clone, PartialEq, Debug)]
+pub enum SerialProtocol {
+    /// Lines of text.
+    Text(SerialText),
+}
+
+/// The lines of a range sensor.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub struct SerialText {
+    /// How a line says a distance.
+    pub format: TextFormat,
+    /// What a number counts.
+    pub unit: LengthUnit,
+    /// From here on a number says that the sensor has heard nothing, in its unit; `None` = as the format has it.
+    pub nothing_from: Option<f64>,
+    /// Time from measuring to the first byte of its line, seconds.
+    pub delay_s: f64,
+}
+
+impl Default for SerialText {
+    fn default() -> SerialText {
+        let (format, unit) = (TextFormat::MaxBotix, LengthUnit::Millimetres);
+        SerialText { format, unit, nothing_from: None, delay_s: 0.0 }
+    }
+}
+
+/// How a line of text says a distance.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub enum TextFormat {
+    /// `R` and four digits, millimetres.
+    MaxBotix,
+    /// A number.
+    Number,
+}
+
+impl Choice for TextFormat {
+    const WORDS: &'static [(&'static str, TextFormat)] =
+        &[("maxbotix", TextFormat::MaxBotix), ("number", TextFormat::Number)];
+}
+
+/// What a number of a range sensor counts.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub enum LengthUnit {
+    /// mm
+    Millimetres,
+    /// cm
+    Centimetres,
+    /// m
+    Metres,
+    /// in
+    Inches,
+}
+
+impl Choice for LengthUnit {
+    const WORDS: &'static [(&'static str, LengthUnit)] = &[
+        ("mm", LengthUnit::Millimetres),
+        ("cm", LengthUnit::Centimetres),
+        ("m", LengthUnit::Metres),
+        ("in", LengthUnit::Inches),
+    ];
+}
+
+impl LengthUnit {
+    /// Returns its length, metres.
+    pub fn metres(self) -> f64 {
+        match self {
+            LengthUnit::Millimetres => 1e-3,
+            LengthUnit::Centimetres => 1e-2,
+            LengthUnit::Metres => 1.0,
+            LengthUnit::Inches => 0.0254,
+        }
+    }
+}
+
+/// The farthest that four digits of millimetres can say, metres.
+const MAXBOTIX_FARTHEST_M: f64 = 9.999;
+
+impl SerialText {
+    /// Returns from where on a reading says that nothing was heard, metres; `None` = none says so. A MaxBotix that hears
+    /// nothing says its farthest reading, which depends on its model: all beyond `max_range_m` counts as that.
+    pub fn nothing_from_m(&self, look: &Look) -> Option<f64> {
+        match (self.nothing_from, self.format) {
+            (Some(nothing_from), _) => Some(nothing_from * self.unit.metres()),
+            (None, TextFormat::MaxBotix) => Some(look.max_range_m),
+            (None, TextFormat::Number) => None,
+        }
+    }
+
+    /// Returns the time from measuring to the first byte of its line.
+    pub fn delay(&self) -> Duration {
+        seconds(self.delay_s)
+    }
+
+    /// Checks its keys together with where the sensor looks; `table` is its own.
+    fn check(&self, source: &Source<'_>, table: &str, look: &Look) {
+        if self.format == TextFormat::MaxBotix && self.unit != LengthUnit::Millimetres {
+            let wrong = "is not what a line such as R1234 counts";
+            source.refuse(
+                &format!("{table}.unit"),
+                wrong,
+                "unit = \"mm\" is allowed with format \"maxbotix\"",
+            );
+        }
+        if self.format == TextFormat::MaxBotix && look.max_range_m > MAXBOTIX_FARTHEST_M {
+            let wrong = "is farther than a line such as R9999 says: it would never say that nothing is there";
+            source.refuse("range.max_range_m", wrong, "at most 9.999 m is allowed with format \"maxbotix\"");
+        }
+        if self.nothing_from_m(look).is_some_and(|nothing_from_m| nothing_from_m < look.max_range_m) {
+            let wrong = "is nearer than max_range_m: what stands there would be taken for free";
+            source.refuse(&format!("{table}.nothing_from"), wrong, "at least max_range_m is allowed");
+        }
+        if self.delay() >= look.scan_period().saturating_sub(look.settle()) {
+            let wrong = "leaves no time for an answer before the next ping";
+            let allowed = "less than scan_period_s without settle_s is allowed";
+            source.refuse(&format!("{table}.delay_s"), wrong, allowed);
+        }
+    }
+}
+
+impl SerialProtocol {
+    /// Returns the name of the driver that speaks it.
+    fn name(&self) -> &'static str {
+        match self {
+            SerialProtocol::Text(_) => "serial-text",
+        }
+    }
+
+    fn kind(&self) -> RangeSensorKind {
+        match self {
+            SerialProtocol::Text(_) => RangeSensorKind::SerialText,
+        }
+    }
+
+    /// Returns a sensor that speaks it, its port not read yet.
+    fn sensor(self) -> SerialSensor {
+        let baud = match self {
+            SerialProtocol::Text(_) => 9600,
+        };
+        SerialSensor { port: String::new(), baud, protocol: self }
+    }
+
+    fn check(&self, source: &Source<'_>, table: &str, look: &Look) {
+        match self {
+            SerialProtocol::Text(text) => text.check(source, table, look),
+        }
+    }
+}
+
+impl DriverChoice for RangeDriver {
+    const PLANNED: &'static [&'static str] = &["hcsr04"];
+
+    fn all() -> Vec<Known<RangeDriver>> {
+        let serial = |protocol: SerialProtocol| Known {
+            name: protocol.name(),
+            is_built: cfg!(feature = "hw"),
+            driver: RangeDriver::Serial(protocol.sensor()),
+        };
+        vec![
+            always("sim", RangeDriver::Simulated),
+            serial(SerialProtocol::Text(SerialText::default())),
+            always("none", RangeDriver::None),
+        ]
+    }
+
+    fn name(&self) -> &'static str {
+        match self {
+            RangeDriver::Simulated => "sim",
+            RangeDriver::Serial(sensor) => sensor.protocol.name(),
+            RangeDriver::None => "none",
+        }
+    }
+}
+
+impl RangeDriver {
+    /// Returns what a vehicle says of its range sensor; `None` = it has none.
+    pub fn kind(&self) -> Option<RangeSensorKind> {
+        match self {
+            RangeDriver::Simulated => Some(RangeSensorKind::Simulated),
+            RangeDriver::Serial(sensor) => Some(sensor.protocol.kind()),
+            RangeDriver::None => None,
+        }
+    }
+
+    /// Returns whether a sensor of the real world is read.
+    pub(super) fn is_real(&self) -> bool {
+        match self {
+            RangeDriver::Simulated | RangeDriver::None => false,
+            RangeDriver::Serial(_) => true,
+        }
+    }
+
+    /// Returns the port that it opens, if it does.
+    pub(super) fn port(&self) -> Option<&str> {
+        match self {
+            RangeDriver::Simulated | RangeDriver::None => None,
+            RangeDriver::Serial(sensor) => Some(&sensor.port),
+        }
+    }
+
+    /// Checks its settings together with where the sensors look.
+    pub(super) fn check(&self, source: &Source<'_>, look: &Look) {
+        let RangeDriver::Serial(sensor) = self else { return };
+        let table = format!("range.{}", self.name());
+        if sensor.port.is_empty() && source.is_sound(&[&table]) {
+            source.require(&table, &format!("a table [{table}] with its port is needed"));
+        }
+        if look.sensors.len() > 1 {
+            source.refuse("range.sensor", "has several, and one port is one sensor", "one is allowed");
+        }
+        sensor.protocol.check(source, &table, look);
+    }
+
+    /// Shows the tables of all drivers that have one.
+    pub(super) fn show_tables(&mut self, to: &mut dyn Keys) {
+        for Known { name, driver: blank, .. } in RangeDriver::all() {
+            if let RangeDriver::Serial(unused) = blank {
+                let means =
+                    "what its driver of this name is told; checked and not used while another one is chosen";
+                to.maybe_table(
+                    &mut SerialTable { driver: self, unused },
+                    Entry { name, left_out: "", means },
+                );
+            }
+        }
+    }
+}
+
+/// The table of one driver of sensors on serial lines.
+struct SerialTable<'a> {
+    driver: &'a mut RangeDriver,
+    /// What stands in for it while another driver is chosen.
+    unused: SerialSensor,
+}
+
+impl SerialTable<'_> {
+    fn chosen(&mut self) -> Option<&mut SerialSensor> {
+        let name = self.unused.protocol.name();
+        match self.driver {
+            RangeDriver::Serial(sensor) if sensor.protocol.name() == name => Some(sensor),
+            RangeDriver::Serial(_) | RangeDriver::Simulated | RangeDriver::None => None,
+        }
+    }
+}
+
+impl MaybeTable for SerialTable<'_> {
+    fn get(&mut self) -> Option<&mut dyn Keyed> {
+        self.chosen().map(|sensor| sensor as &mut dyn Keyed)
+    }
+
+    fn fill(&mut self) -> &mut dyn Keyed {
+        if self.chosen().is_none() {
+            return &mut self.unused;
+        }
+        match self.driver {
+            RangeDriver::Serial(sensor) => sensor,
+            RangeDriver::Simulated | RangeDriver::None => &mut self.unused,
+        }
+    }
+}
+
+impl Keyed for SerialSensor {
+    fn keys(&mut self, to: &mut dyn Keys) {
+        let SerialSensor { port, baud, protocol } = self;
+        let means = "the port, a file of the machine; names under `/dev/serial/by-id` outlast replugging";
+        to.form(&mut Port(port), Entry { name: "port", left_out: "needed", means });
+        let default = protocol.clone().sensor().baud;
+        to.whole(baud, Whole { name: "baud", default, allowed: 300..=4_000_000, means: "bits per second" });
+        match protocol {
+            SerialProtocol::Text(text) => text.keys(to),
+        }
+    }
+}
+
+impl Keyed for SerialText {
+    fn keys(&mut self, to: &mut dyn Keys) {
+        let SerialText { format, unit, nothing_from, delay_s } = self;
+        let means = "how a line says a distance: `R` and four digits of millimetres, or a number";
+        to.word(format, Words { name: "format", default: "maxbotix", means });
+        to.word(unit, Words { name: "unit", default: "mm", means: "what a number counts" });
+        let means = "from here on a number, in its unit, says that the sensor has measured and heard nothing; what lies \
+                     between max_range_m and this is dropped and counted";
+        let left_out = "maxbotix: max_range_m; number: none";
+        let allowed = 0.0..=1e6;
+        to.maybe_number(nothing_from, Bounds { name: "nothing_from", left_out, allowed, means });
+        let means = "from measuring to the first byte of its line; a reading that is older than the ping does not answer it";
+        to.number(delay_s, Number { name: "delay_s", default: 0.0, allowed: 0.0..=5.0, means });
+    }
+}
+
+/// The name of a port.
+struct Port<'a>(&'a mut String);
+
+impl Form for Port<'_> {
+    fn written(&self) -> Option<String> {
+        Some(quoted(self.0))
+    }
+
+    fn read(&mut self, section: &Section<'_>, key: &'static str) {
+        let rule = "the whole path of a port such as \"/dev/serial/by-id/usb-…\" is needed";
+        section.require(key, rule);
+        let Some(port) = section.text(key) else { return };
+        if port.starts_with('/') && !port.contains(char::is_control) {
+            *self.0 = port;
+        } else {
+            section.refuse(key, "is no whole path", rule);
+        }
+    }
+}

@@ -1,0 +1,97 @@
+//! The pure halves of drivers: what the bytes of a device mean. They open no port and read no clock, and are built without
+//! features; the thin halves are in `run/drivers`.
+//!
+//! A range sensor that measures all the time and says so on a serial line is a file beside this one and a variant of
+//! [`RangeDecoder`].
+
+mod lines;
+mod pings;
+mod serial_text;
+
+use std::fmt;
+
+pub use pings::Pings;
+
+use self::serial_text::TextDecoder;
+use crate::config::{Look, SerialProtocol};
+use crate::time::Time;
+
+/// What a range sensor has measured.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub enum Reading {
+    /// Something gives an echo, so far away, metres.
+    Range(f64),
+    /// The sensor says that it has measured and heard nothing within its range. A sensor that is silent says no such thing.
+    Nothing,
+}
+
+/// A reading and when it was measured.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub struct TimedReading {
+    /// It was measured at this time or later, as far as its bytes show.
+    pub measured: Time,
+    /// What was measured.
+    pub reading: Reading,
+}
+
+/// What was dropped of what a range sensor said.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
+pub struct Dropped {
+    /// Lines or frames that are longer than any is.
+    pub too_long: u64,
+    /// Lines or frames that are no reading.
+    pub unreadable: u64,
+    /// Readings that the sensor cannot have measured.
+    pub out_of_range: u64,
+}
+
+impl Dropped {
+    /// Returns how much was dropped.
+    pub fn total(self) -> u64 {
+        self.too_long + self.unreadable + self.out_of_range
+    }
+}
+
+impl fmt::Display for Dropped {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Dropped { too_long, unreadable, out_of_range } = self;
+        write!(f, "{too_long} too long, {unreadable} unreadable, {out_of_range} out of range")
+    }
+}
+
+/// Turns the bytes of a range sensor into readings.
+#[derive(Clone, Debug)]
+pub enum RangeDecoder {
+    /// Lines of text.
+    Text(TextDecoder),
+}
+
+impl RangeDecoder {
+    /// Makes the decoder of a protocol, for a sensor that looks so far.
+    pub fn new(protocol: &SerialProtocol, look: &Look) -> RangeDecoder {
+        match protocol {
+            SerialProtocol::Text(text) => RangeDecoder::Text(TextDecoder::new(text, look)),
+        }
+    }
+
+    /// Begins anew, on a port that was opened anew: what was begun is never ended.
+    pub fn restart(&mut self) {
+        match self {
+            RangeDecoder::Text(decoder) => decoder.restart(),
+        }
+    }
+
+    /// Takes bytes that came at `since` or later, and adds the readings that they end.
+    pub fn take(&mut self, since: Time, bytes: &[u8], readings: &mut Vec<TimedReading>) {
+        match self {
+            RangeDecoder::Text(decoder) => decoder.take(since, bytes, readings),
+        }
+    }
+
+    /// Returns what was dropped so far.
+    pub fn dropped(&self) -> Dropped {
+        match self {
+            RangeDecoder::Text(decoder) => decoder.dropped(),
+        }
+    }
+}

@@ -1,0 +1,147 @@
+//! The devices of a live vehicle, each behind the driver that its file chooses: where a vehicle's effects for devices go, and
+//! where their events come from. All simulated ones share one [`WorldLink`]; a real one has a thread of its own.
+//!
+//! ```text
+//!   Fly       ─► autopilot ─┐
+//!   Steer     ─► servo     ─┤                                  ┌─► Telemetry
+//!   Transmit  ─► radio     ─┼─ simulated ─► link ─► world ─────┼─► Heard, Unsent
+//!   Ping      ─► range     ─┤                                  └─► Echo
+//!                           └─ on a serial line ─► range/serial ─► Echo
+//! ```
+//!
+//! It decides nothing. What the bytes of a real device mean is said by `hw`. Only what is for a simulated device goes to the
+//! world, and of what the world says only what simulated devices say is believed.
+
+pub mod range;
+
+use std::io;
+use std::sync::Arc;
+
+use tomoswarm_proto::{Boot, RangeHealth};
+
+use self::range::Range;
+use super::clock::Clock;
+use super::link::{LinkSettings, LinkState, WorldLink};
+use super::mailbox::Troubles;
+use crate::config::{AutopilotDriver, Drivers, RadioDriver, RangeDriver, VehicleFile};
+use crate::node::vehicle::Fly;
+use crate::node::{Effect, Event};
+
+/// Hears what devices say.
+pub type Told = Arc<dyn Fn(Event) + Send + Sync>;
+
+/// The devices of a vehicle; dropping them ends their drivers.
+pub struct Devices {
+    drivers: Drivers,
+    world: Option<WorldLink>,
+    range: Range,
+}
+
+impl Devices {
+    /// Starts the drivers that a vehicle's file names. A device that is not there is no error: it is looked for for ever.
+    ///
+    /// # Errors
+    /// No thread can be started.
+    pub fn start(file: &VehicleFile, boot: Boot, clock: Clock, told: &Told) -> io::Result<Devices> {
+        let drivers = file.drivers.clone();
+        tracing::info!("drivers: {}", drivers.in_words());
+        if drivers.range == RangeDriver::None {
+            tracing::warn!("there is no range sensor: this vehicle sees nothing, and is not driven");
+        }
+        let range = Range::start(&drivers.range, &file.look, clock, told)?;
+        let world = drivers.has_simulated().then(|| link(file, boot, &range, told)).transpose()?;
+        Ok(Devices { drivers, world, range })
+    }
+
+    /// Carries out what concerns devices, from any thread; the rest does not concern it.
+    pub fn carry_out(&self, effect: &Effect) {
+        match effect {
+            Effect::Fly(_) => match self.drivers.autopilot {
+                AutopilotDriver::Simulated => self.to_world(effect),
+            },
+            // Also where neither servo nor range sensor is simulated: to a simulated autopilot any word of its companion is
+            // a sign of life, and it brakes without one. What the world's own servo points at then answers no ping.
+            Effect::Steer(_) => self.to_world(effect),
+            Effect::Ping(ping) => {
+                self.range.ping(*ping);
+                if self.range.is_simulated() {
+                    self.to_world(effect);
+                }
+            }
+            Effect::Transmit(_) => match self.drivers.radio {
+                RadioDriver::Simulated => self.to_world(effect),
+            },
+            Effect::Publish(_)
+            | Effect::Keep(..)
+            | Effect::Forget { .. }
+            | Effect::Recall { .. }
+            | Effect::Tally(_)
+            | Effect::Remember(_)
+            | Effect::Note(_) => {}
+        }
+    }
+
+    /// Tells the autopilot to stop.
+    pub fn stop(&self) {
+        self.carry_out(&Effect::Fly(Fly::Stop));
+    }
+
+    /// Names what is wrong with the devices, and takes back what is not any more.
+    pub fn watch(&self, troubles: &Troubles) {
+        let watch = |who: &str, trouble: Option<String>| match trouble {
+            Some(trouble) => troubles.raise(who, trouble),
+            None => troubles.clear(who),
+        };
+        watch("range sensor", self.range.trouble());
+        let Some(world) = &self.world else { return };
+        watch(
+            "world",
+            match world.state() {
+                LinkState::Joined(_) => None,
+                LinkState::Connecting(reason) => Some(reason.unwrap_or_else(|| "not connected".to_owned())),
+                LinkState::Refused(refused) => Some(refused.to_string()),
+            },
+        );
+    }
+
+    /// Returns what the range sensor has done; `None` for a vehicle that has none.
+    pub fn range_health(&self) -> Option<RangeHealth> {
+        self.range.health()
+    }
+
+    fn to_world(&self, effect: &Effect) {
+        if let Some(world) = &self.world {
+            world.send(effect);
+        }
+    }
+}
+
+/// Begins to connect to the world; what it says is told when a simulated device says it.
+fn link(file: &VehicleFile, boot: Boot, range: &Range, told: &Told) -> io::Result<WorldLink> {
+    let settings =
+        LinkSettings { address: file.world.connect, token: file.world.token.clone(), vehicle: file.id, boot };
+    let (drivers, pings, told) = (file.drivers.clone(), range.pings(), told.clone());
+    WorldLink::connect(settings, move |event| {
+        if let (Event::Echo(echo), RangeDriver::Simulated) = (&event, &drivers.range) {
+            pings.answered(echo.number);
+        }
+        if is_of_simulated(&drivers, &event) {
+            told(event);
+        }
+    })
+}
+
+/// Returns whether a simulated device of these says such an event.
+fn is_of_simulated(drivers: &Drivers, event: &Event) -> bool {
+    match event {
+        Event::Telemetry(_) => drivers.autopilot == AutopilotDriver::Simulated,
+        Event::Echo(_) => drivers.range == RangeDriver::Simulated,
+        Event::Heard(_) | Event::Unsent(_) => drivers.radio == RadioDriver::Simulated,
+        Event::Bus(..) | Event::Kept(..) | Event::Recalled(_) | Event::Dropped(_) | Event::Remembered(_) => {
+            false
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,123 @@
+//! The range sensor of a live vehicle, behind the driver that its file chooses. It counts pings that nothing answers,
+//! whatever the driver, and never makes an echo of silence.
+//!
+//! A driver that reads a device in its own way is a file in this folder, a variant of `Reader` and an arm of each match
+//! here; a sensor on a serial line needs no more than its decoder in `hw`.
+
+#[cfg(feature = "hw")]
+mod serial;
+#[cfg(all(test, feature = "hw"))]
+mod tests;
+
+use std::io;
+use std::sync::{Arc, Mutex};
+
+use tomoswarm_proto::RangeHealth;
+
+#[cfg(feature = "hw")]
+use self::serial::SerialReader;
+use super::Told;
+use crate::config::{Look, RangeDriver};
+use crate::hw::{Dropped, Pings};
+use crate::node::sensor::Ping;
+use crate::run::clock::Clock;
+use crate::run::mailbox::lock;
+
+/// A range sensor.
+pub struct Range {
+    pings: SharedPings,
+    clock: Clock,
+    reader: Reader,
+}
+
+/// What measures.
+enum Reader {
+    /// The simulated world, which is told by its link.
+    World,
+    /// A sensor on a serial line.
+    #[cfg(feature = "hw")]
+    Serial(SerialReader),
+    /// Nothing does.
+    None,
+}
+
+/// The pings of a range sensor, shared with who answers them.
+#[derive(Clone, Default)]
+pub struct SharedPings(Arc<Mutex<Pings>>);
+
+impl SharedPings {
+    /// Notes an answer of a sensor that says which ping it answers.
+    pub fn answered(&self, number: u64) {
+        lock(&self.0).answered(number);
+    }
+}
+
+impl Range {
+    /// Starts what measures; `told` gets echoes.
+    ///
+    /// # Errors
+    /// No thread can be started, or the driver is not built in.
+    pub fn start(driver: &RangeDriver, look: &Look, clock: Clock, told: &Told) -> io::Result<Range> {
+        let pings = SharedPings::default();
+        let reader = match driver {
+            RangeDriver::Simulated => Reader::World,
+            #[cfg(feature = "hw")]
+            RangeDriver::Serial(sensor) => {
+                Reader::Serial(SerialReader::start(sensor, look, clock, pings.clone(), told.clone())?)
+            }
+            #[cfg(not(feature = "hw"))]
+            RangeDriver::Serial(_) => {
+                // Its name was refused when the file was read.
+                let _ = (look, told);
+                return Err(io::ErrorKind::Unsupported.into());
+            }
+            RangeDriver::None => Reader::None,
+        };
+        Ok(Range { pings, clock, reader })
+    }
+
+    /// Returns its pings, for who answers them.
+    pub fn pings(&self) -> SharedPings {
+        self.pings.clone()
+    }
+
+    /// Returns whether the simulated world measures.
+    pub fn is_simulated(&self) -> bool {
+        matches!(self.reader, Reader::World)
+    }
+
+    /// Notes that an echo is asked for. A sensor that measures all the time needs not be told.
+    pub fn ping(&self, ping: Ping) {
+        if !matches!(self.reader, Reader::None) {
+            lock(&self.pings.0).ping(self.clock.now(), ping);
+        }
+    }
+
+    /// Returns what is wrong with it, in words.
+    pub fn trouble(&self) -> Option<String> {
+        let (dropped, is_closed) = match &self.reader {
+            Reader::None => return None,
+            Reader::World => (Dropped::default(), None),
+            #[cfg(feature = "hw")]
+            Reader::Serial(reader) => (reader.dropped(), reader.trouble()),
+        };
+        let is_silent = lock(&self.pings.0).is_silent(self.clock.now());
+        let silent = || match dropped.total() {
+            0 => "it answers nothing".to_owned(),
+            _ => format!("it answers nothing; of what it said {dropped}"),
+        };
+        is_closed.or_else(|| is_silent.then(silent))
+    }
+
+    /// Returns what it has done; `None` when there is none.
+    pub fn health(&self) -> Option<RangeHealth> {
+        let faults = lock(&self.pings.0).faults();
+        match &self.reader {
+            Reader::None => None,
+            // What the world answers wrongly cannot be told from what it answers rightly.
+            Reader::World => Some(RangeHealth { glitches: 0, faults }),
+            #[cfg(feature = "hw")]
+            Reader::Serial(reader) => Some(RangeHealth { glitches: reader.dropped().total(), faults }),
+        }
+    }
+}

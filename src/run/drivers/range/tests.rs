@@ -1,0 +1,272 @@
+//! A range sensor on a serial line, played on a pseudo-terminal: what is read, what is dropped, and what happens when it is
+//! pulled out and plugged in again.
+
+use std::fs::File;
+use std::io::Write;
+use std::path::{Path, PathBuf};
+use std::sync::{Arc, Mutex};
+use std::time::{Duration, Instant};
+
+use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
+
+use super::*;
+use crate::config::{SerialProtocol, SerialSensor, SerialText};
+use crate::node::Event;
+use crate::node::sensor::Echo;
+
+/// Whatever is waited for comes within this time.
+const SOON: Duration = Duration::from_secs(20);
+
+/// A sensor: what it says comes out of a terminal.
+struct Sensor {
+    line: File,
+    terminal: PathBuf,
+}
+
+impl Sensor {
+    /// Plugs a sensor in, so that it is found at a path.
+    fn plug(path: &Path) -> Sensor {
+        let line = openpt(OpenptFlags::RDWR | OpenptFlags::NOCTTY | OpenptFlags::CLOEXEC).unwrap();
+        grantpt(&line).unwrap();
+        unlockpt(&line).unwrap();
+        let terminal = PathBuf::from(ptsname(&line, Vec::new()).unwrap().into_string().unwrap());
+        let sensor = Sensor { line: File::from(line), terminal };
+        sensor.link(path);
+        sensor
+    }
+
+    fn link(&self, path: &Path) {
+        // What stood there before may be gone already.
+        let _ = std::fs::remove_file(path);
+        std::os::unix::fs::symlink(&self.terminal, path).unwrap();
+    }
+
+    fn say(&mut self, bytes: &[u8]) {
+        self.line.write_all(bytes).unwrap();
+    }
+}
+
+/// The driver under test and what it has told.
+struct Driver {
+    range: Range,
+    echoes: Arc<Mutex<Vec<Echo>>>,
+    pings: u64,
+}
+
+impl Driver {
+    fn start(port: &Path) -> Driver {
+        let sensor = SerialSensor {
+            port: port.to_str().unwrap().to_owned(),
+            baud: 9600,
+            protocol: SerialProtocol::Text(SerialText::default()),
+        };
+        Driver::of(&RangeDriver::Serial(sensor))
+    }
+
+    fn of(driver: &RangeDriver) -> Driver {
+        let echoes = Arc::<Mutex<Vec<Echo>>>::default();
+        let heard = echoes.clone();
+        let told: Told = Arc::new(move |event| match event {
+            Event::Echo(echo) => heard.lock().unwrap().push(echo),
+            other => panic!("{other:?}"),
+        });
+        let look = Look { min_range_m: 0.3, max_range_m: 4.0, ..Look::default() };
+        let range = Range::start(driver, &look, Clock::start(), &told).unwrap();
+        Driver { range, echoes, pings: 0 }
+    }
+
+    fn ping(&mut self) {
+        self.pings += 1;
+        self.range.ping(Ping { number: self.pings });
+    }
+
+    fn echoes(&self) -> Vec<Echo> {
+        self.echoes.lock().unwrap().clone()
+    }
+
+    /// Asks and lets the sensor say a line, until it answers; gives the answer to the last ping.
+    fn measure(&mut self, sensor: &mut Sensor, line: &[u8]) -> Option<f64> {
+        let began = Instant::now();
+        loop {
+            self.ping();
+            std::thread::sleep(Duration::from_millis(20));
+            sensor.say(line);
+            std::thread::sleep(Duration::from_millis(20));
+            let echo = self.echoes().pop();
+            if let Some(echo) = echo.filter(|echo| echo.number == self.pings) {
+                return echo.range_m;
+            }
+            assert!(began.elapsed() < SOON, "no answer: {:?}", self.range.trouble());
+        }
+    }
+
+    fn until_trouble(&self, is_it: impl Fn(Option<&str>) -> bool) -> Duration {
+        let began = Instant::now();
+        while !is_it(self.range.trouble().as_deref()) {
+            assert!(began.elapsed() < SOON, "still {:?}", self.range.trouble());
+            std::thread::sleep(Duration::from_millis(5));
+        }
+        began.elapsed()
+    }
+
+    fn until_open(&self) -> Duration {
+        self.until_trouble(|trouble| trouble.is_none())
+    }
+
+    fn glitches(&self) -> u64 {
+        self.range.health().unwrap().glitches
+    }
+}
+
+fn folder() -> (tempfile::TempDir, PathBuf) {
+    let folder = tempfile::tempdir().unwrap();
+    let port = folder.path().join("sensor");
+    (folder, port)
+}
+
+#[test]
+fn a_reading_answers_the_ping_before_it_and_the_farthest_one_says_that_nothing_is_there() {
+    let (_folder, port) = folder();
+    let mut sensor = Sensor::plug(&port);
+    let mut driver = Driver::start(&port);
+    assert_eq!(driver.measure(&mut sensor, b"R1234\r"), Some(1.234));
+    assert_eq!(driver.measure(&mut sensor, b"R0500\r"), Some(0.5));
+    assert_eq!(driver.measure(&mut sensor, b"R5000\r"), None);
+    assert_eq!(driver.measure(&mut sensor, b"R0300\rR0750\r"), Some(0.75), "the newest counts");
+    let answered = driver.echoes().len() as u64;
+    let health = driver.range.health().unwrap();
+    assert_eq!((health.glitches, health.faults), (0, driver.pings - answered));
+}
+
+#[test]
+fn what_was_said_before_the_ping_never_answers_it() {
+    let (_folder, port) = folder();
+    let mut sensor = Sensor::plug(&port);
+    let mut driver = Driver::start(&port);
+    driver.measure(&mut sensor, b"R1000\r");
+    driver.echoes.lock().unwrap().clear();
+    for _ in 0..60 {
+        // It lies in the port's queue when the ping comes, or has just been read.
+        sensor.say(b"R2000\r");
+        driver.ping();
+        std::thread::sleep(Duration::from_millis(15));
+    }
+    assert_eq!(driver.echoes(), []);
+}
+
+#[test]
+fn a_sensor_is_pulled_out_and_plugged_in_again() {
+    let (_folder, port) = folder();
+    let mut sensor = Sensor::plug(&port);
+    let mut driver = Driver::start(&port);
+    driver.measure(&mut sensor, b"R1000\r");
+    for round in 1..=3 {
+        drop(sensor);
+        let gone = driver.until_trouble(|trouble| trouble.is_some());
+        assert!(gone < Duration::from_secs(3), "{gone:?}");
+        let trouble = driver.range.trouble().unwrap();
+        let opened = if round == 1 { "once".to_owned() } else { format!("{round} times") };
+        assert!(
+            trouble.contains("sensor: ") && trouble.ends_with(&format!("opened {opened} before")),
+            "{trouble}"
+        );
+        let before = driver.echoes().len();
+        driver.ping();
+        sensor = Sensor::plug(&port);
+        driver.until_open();
+        assert_eq!(driver.echoes().len(), before, "nothing was said");
+        // The end of a line whose beginning nobody heard is no reading.
+        sensor.say(b"R0400");
+        sensor.say(b"\r");
+        std::thread::sleep(Duration::from_millis(30));
+        assert_eq!(driver.echoes().len(), before);
+        assert_eq!(driver.measure(&mut sensor, b"R2000\r"), Some(2.0));
+    }
+}
+
+#[test]
+fn a_port_that_is_not_there_or_none_is_named_and_found_when_it_comes() {
+    let (folder, port) = folder();
+    let mut driver = Driver::start(&port);
+    let named = port.to_str().unwrap().to_owned();
+    driver.until_trouble(|trouble| {
+        trouble.is_some_and(|trouble| trouble.starts_with(&named) && trouble.contains("No such file"))
+    });
+    let mut sensor = Sensor::plug(&port);
+    driver.until_open();
+    assert_eq!(driver.measure(&mut sensor, b"R1000\r"), Some(1.0));
+    std::fs::write(folder.path().join("file"), "R1000\r").unwrap();
+    for (path, wrong) in [
+        (folder.path().to_owned(), "directory"),
+        (folder.path().join("file"), "it is no serial port"),
+        (PathBuf::from("/dev/null"), "it is no serial port"),
+    ] {
+        let driver = Driver::start(&path);
+        driver.until_trouble(|trouble| trouble.is_some_and(|trouble| trouble.contains(wrong)));
+    }
+}
+
+#[test]
+fn a_port_has_one_reader_and_the_next_one_gets_it_when_that_has_ended() {
+    let (_folder, port) = folder();
+    let mut sensor = Sensor::plug(&port);
+    let mut first = Driver::start(&port);
+    first.measure(&mut sensor, b"R1000\r");
+    let mut second = Driver::start(&port);
+    second
+        .until_trouble(|trouble| trouble.is_some_and(|trouble| trouble.contains("another program uses it")));
+    second.ping();
+    assert_eq!(first.measure(&mut sensor, b"R1500\r"), Some(1.5));
+    assert_eq!(second.echoes(), []);
+    drop(first);
+    second.until_open();
+    assert_eq!(second.measure(&mut sensor, b"R2500\r"), Some(2.5));
+}
+
+#[test]
+fn rubbish_is_counted_and_the_next_reading_comes_through() {
+    let (_folder, port) = folder();
+    let mut sensor = Sensor::plug(&port);
+    let mut driver = Driver::start(&port);
+    driver.measure(&mut sensor, b"R1000\r");
+    let mut rubbish = vec![b'7'; 10_000];
+    rubbish.extend(b"\r-1\rNaN\rR12\rR0001\r99999999999999999999\r\xff\xfe\x00\x7f\r");
+    rubbish.extend((0..=255).filter(|byte| !matches!(byte, b'\r' | b'\n')).cycle().take(120));
+    rubbish.extend(b"\r");
+    driver.ping();
+    std::thread::sleep(Duration::from_millis(30));
+    let before = driver.echoes().len();
+    sensor.say(&rubbish);
+    let began = Instant::now();
+    while driver.glitches() < 8 && began.elapsed() < SOON {
+        std::thread::sleep(Duration::from_millis(5));
+    }
+    assert_eq!((driver.glitches(), driver.echoes().len()), (8, before));
+    assert_eq!(driver.measure(&mut sensor, b"R3000\r"), Some(3.0));
+}
+
+#[test]
+fn a_sensor_that_says_nothing_is_silent_and_no_echo_is_made_of_it() {
+    let (_folder, port) = folder();
+    let mut sensor = Sensor::plug(&port);
+    let mut driver = Driver::start(&port);
+    driver.until_open();
+    sensor.say(b"\rno such thing\r");
+    let began = Instant::now();
+    while began.elapsed() < Duration::from_millis(3300) {
+        driver.ping();
+        std::thread::sleep(Duration::from_millis(50));
+    }
+    let trouble = driver.range.trouble().unwrap();
+    assert!(trouble.starts_with("it answers nothing; ") && trouble.contains("1 unreadable"), "{trouble}");
+    assert_eq!((driver.range.health().unwrap().faults, driver.echoes()), (driver.pings - 1, vec![]));
+    driver.measure(&mut sensor, b"R1000\r");
+    assert_eq!(driver.range.trouble(), None);
+}
+
+#[test]
+fn a_vehicle_without_a_range_sensor_answers_nothing_and_misses_nothing() {
+    let mut driver = Driver::of(&RangeDriver::None);
+    driver.ping();
+    assert_eq!((driver.range.health(), driver.range.trouble(), driver.echoes()), (None, None, vec![]));
+}

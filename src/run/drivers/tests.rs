@@ -1,0 +1,119 @@
+//! What goes to the world and what is believed of it, where not every device is simulated: against a world that this test
+//! plays.
+
+use std::net::{SocketAddr, TcpListener, TcpStream};
+use std::sync::mpsc::{Receiver, channel};
+use std::time::Duration;
+
+use tomoswarm_proto::VehicleId;
+
+use super::*;
+use crate::config::{self, bundled};
+use crate::geom::{Angle, Point, Pose};
+use crate::node::sensor::{Echo, Ping};
+use crate::node::vehicle::{Motion, Telemetry};
+use crate::run::link::{FromWorld, ToWorld, Welcome, decode, encode, read_frame, write_frame};
+
+/// The devices of a vehicle of the bundled place, with a range sensor by this driver, and the world that it found.
+fn devices(range: &str) -> (Devices, Receiver<Event>, World) {
+    let listener = TcpListener::bind("127.0.0.1:0").unwrap();
+    let text = file(range, listener.local_addr().unwrap());
+    let file = config::read_vehicle("configs/v.toml", &text, &mut |path| bundled::load(path)).unwrap();
+    let (sender, events) = channel();
+    let told: Told = Arc::new(move |event| sender.send(event).unwrap());
+    let devices = Devices::start(&file, Boot(1), Clock::start(), &told).unwrap();
+    let stream = listener.accept().unwrap().0;
+    stream.set_read_timeout(Some(Duration::from_secs(10))).unwrap();
+    let mut world = World(stream);
+    assert!(matches!(world.hear(), ToWorld::Join { vehicle: VehicleId(1), .. }));
+    world.say(&FromWorld::Welcome(Welcome { now_ns: 0, start: None }));
+    let troubles = Troubles::default();
+    loop {
+        devices.watch(&troubles);
+        if troubles.list().is_empty() {
+            return (devices, events, world);
+        }
+        std::thread::sleep(Duration::from_millis(5));
+    }
+}
+
+fn file(range: &str, world: SocketAddr) -> String {
+    format!(
+        "kind = \"vehicle\"\nvenue = \"courtyard.venue.toml\"\nid = 1\nstate_dir = \"state\"\n\
+         autopilot.driver = \"sim\"\nradio.driver = \"sim\"\nservo.driver = \"none\"\nrange.driver = \"{range}\"\n\
+         world.connect = \"{world}\"\nworld.token = \"secret-token\"\n"
+    )
+}
+
+struct World(TcpStream);
+
+impl World {
+    fn hear(&mut self) -> ToWorld {
+        decode(&read_frame(&mut self.0).unwrap()).unwrap()
+    }
+
+    fn say(&mut self, word: &FromWorld) {
+        write_frame(&mut self.0, &encode(word).unwrap()).unwrap();
+    }
+}
+
+/// A ping, a turn of the servo, and a stop at the end.
+fn measure(devices: &Devices) {
+    devices.carry_out(&Effect::Steer(Angle::ZERO));
+    devices.carry_out(&Effect::Ping(Ping { number: 7 }));
+    devices.stop();
+}
+
+fn telemetry() -> Telemetry {
+    let pose = Pose { at: Point::new(1.0, 2.0), heading: Angle::ZERO, sd_m: 0.1 };
+    Telemetry { pose, speed_mps: 0.0, battery: 1.0, motion: Motion::Resting, is_armed: true }
+}
+
+#[test]
+fn a_ping_goes_to_the_world_only_where_that_has_the_range_sensor() {
+    for (range, has_ping) in [("sim", true), ("none", false)] {
+        let (devices, _events, mut world) = devices(range);
+        measure(&devices);
+        assert!(
+            matches!(world.hear(), ToWorld::Steer(_)),
+            "{range}: the world hears that its companion lives"
+        );
+        if has_ping {
+            assert!(matches!(world.hear(), ToWorld::Ping(Ping { number: 7 })), "{range}");
+        }
+        assert!(matches!(world.hear(), ToWorld::Fly(Fly::Stop)), "{range}");
+    }
+}
+
+#[test]
+fn an_echo_of_the_world_is_no_echo_of_a_real_sensor() {
+    for (range, has_echo) in [("sim", true), ("none", false)] {
+        let (devices, events, mut world) = devices(range);
+        measure(&devices);
+        world.say(&FromWorld::Echo(Echo { number: 7, range_m: None }));
+        world.say(&FromWorld::Telemetry(telemetry()));
+        world.say(&FromWorld::Unsent(3));
+        let hear = || events.recv_timeout(Duration::from_secs(10)).unwrap();
+        if has_echo {
+            assert!(matches!(hear(), Event::Echo(Echo { number: 7, range_m: None })), "{range}");
+        }
+        assert!(matches!(hear(), Event::Telemetry(_)), "{range}");
+        assert!(matches!(hear(), Event::Unsent(3)), "{range}");
+        assert_eq!(devices.range_health().map(|health| health.faults), has_echo.then_some(0));
+    }
+}
+
+#[test]
+fn a_world_that_is_away_is_a_trouble_and_its_pings_are_counted() {
+    let (devices, _events, world) = devices("sim");
+    drop(world);
+    let troubles = Troubles::default();
+    while !troubles.list().iter().any(|trouble| trouble.starts_with("world: ")) {
+        devices.watch(&troubles);
+        std::thread::sleep(Duration::from_millis(5));
+    }
+    for number in 1..=3 {
+        devices.carry_out(&Effect::Ping(Ping { number }));
+    }
+    assert_eq!(devices.range_health().unwrap().faults, 2);
+}

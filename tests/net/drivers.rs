@@ -1,0 +1,131 @@
+//! Vehicles whose devices are not all simulated: a real process with a range sensor on a pseudo-terminal and all else
+//! simulated, and one that has no range sensor.
+
+use std::fs::File;
+use std::io::Write;
+use std::path::Path;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::thread::JoinHandle;
+use std::time::Duration;
+
+use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
+use tomoswarm_proto::{Capability, Health, RangeSensorKind, State, VehicleId};
+
+use crate::swarm::{Size, Swarm, Watch, vehicle};
+
+/// A sensor that says a line twenty times a second, until it is dropped: then it is pulled out.
+struct Sensor {
+    is_over: Arc<AtomicBool>,
+    thread: Option<JoinHandle<()>>,
+}
+
+impl Sensor {
+    fn plug(path: &Path, line: &'static [u8]) -> Sensor {
+        let port = openpt(OpenptFlags::RDWR | OpenptFlags::NOCTTY | OpenptFlags::CLOEXEC).unwrap();
+        grantpt(&port).unwrap();
+        unlockpt(&port).unwrap();
+        let _ = std::fs::remove_file(path);
+        let terminal = ptsname(&port, Vec::new()).unwrap().into_string().unwrap();
+        std::os::unix::fs::symlink(terminal, path).unwrap();
+        let is_over = Arc::new(AtomicBool::new(false));
+        let (seen, mut port) = (is_over.clone(), File::from(port));
+        let thread = std::thread::spawn(move || {
+            while !seen.load(Ordering::Relaxed) {
+                port.write_all(line).unwrap();
+                std::thread::sleep(Duration::from_millis(50));
+            }
+        });
+        Sensor { is_over, thread: Some(thread) }
+    }
+}
+
+impl Drop for Sensor {
+    fn drop(&mut self) {
+        self.is_over.store(true, Ordering::Relaxed);
+        self.thread.take().map(JoinHandle::join);
+    }
+}
+
+fn health(watch: &Watch, id: u8) -> Option<&Health> {
+    Some(&watch.view.vehicle(VehicleId(id))?.health.as_ref()?.value)
+}
+
+fn state(watch: &Watch, id: u8) -> Option<&State> {
+    watch.view.state(VehicleId(id)).map(|state| &state.value)
+}
+
+/// Tells whether a vehicle has a range sensor of this kind, by its own word.
+fn has_range(watch: &Watch, id: u8, kind: Option<RangeSensorKind>) -> bool {
+    let hello = watch.view.vehicle(VehicleId(id)).and_then(|view| view.hello.as_ref());
+    hello.is_some_and(|hello| {
+        let kinds = hello.value.capabilities.iter().filter_map(|one| match one {
+            Capability::RangeSensor(kind) => Some(*kind),
+            _ => None,
+        });
+        !hello.value.capabilities.is_empty() && kinds.collect::<Vec<_>>() == Vec::from_iter(kind)
+    })
+}
+
+fn has_mapped(watch: &Watch, id: u8) -> bool {
+    let digest = watch.digests.get(&vehicle(id));
+    digest.is_some_and(|(_, digest)| digest.layers.iter().any(|layer| layer.layer.vehicle == VehicleId(id)))
+}
+
+fn away_m(watch: &Watch, id: u8, home: [f64; 2]) -> f64 {
+    let at = state(watch, id).unwrap().pose.unwrap().at;
+    (at.x_m() - home[0]).hypot(at.y_m() - home[1])
+}
+
+/// Writes the file of a vehicle anew: its range sensor is read by another driver, and is fixed.
+fn with_range(swarm: &Swarm, id: u8, range: &str) {
+    let name = format!("vehicle-{id}.toml");
+    let text = std::fs::read_to_string(swarm.path(&name)).unwrap();
+    let text = text.replace("[range]\ndriver = \"sim\"\n", range);
+    swarm.write(&name, &text.replace("[servo]\ndriver = \"sim\"\n", "[servo]\ndriver = \"none\"\n"));
+}
+
+#[test]
+fn a_real_sensor_drives_a_simulated_body_and_without_one_nobody_drives() {
+    let mut swarm = Swarm::prepare(Size { vehicles: 2, laps: 1, relayed: false });
+    let port = swarm.path("sensor");
+    let table = format!("[range.serial-text]\nport = \"{}\"\n", port.display());
+    // Two readings a round are there to be taken.
+    let settings = "scan_period_s = 0.15\nsettle_s = 0.01\n";
+    with_range(&swarm, 1, &format!("[range]\ndriver = \"serial-text\"\n{settings}{table}"));
+    with_range(&swarm, 2, "[range]\ndriver = \"none\"\n");
+    let sensor = Sensor::plug(&port, b"R5000\r");
+    swarm.run();
+    swarm.until("both say what they have", 30, |watch| {
+        has_range(watch, 1, Some(RangeSensorKind::SerialText)) && has_range(watch, 2, None)
+    });
+    swarm.until("what the sensor says is on the map", 20, |watch| has_mapped(watch, 1));
+    let is_sound = |watch: &Watch| health(watch, 1).is_some_and(|health| health.troubles.is_empty());
+    swarm.until("all is well", 20, is_sound);
+    swarm.look(|watch| {
+        assert!(!has_mapped(watch, 2), "it sees nothing");
+        assert_eq!(health(watch, 2).unwrap().range, None);
+        assert_eq!(health(watch, 1).unwrap().range.unwrap().glitches, 0);
+    });
+    let preflight = swarm.tool(&["preflight", "operator.toml", "--vehicles", "1,2"]);
+    let refused = preflight.lines().find(|line| line.contains("devices") && line.contains("NO-GO")).unwrap();
+    assert!(refused.contains("vehicle 2") && refused.contains("no range sensor"), "{preflight}");
+    swarm.begin();
+    // Longer than a simulated autopilot drives without a word of its companion.
+    swarm.until("the one that sees drives", 90, |watch| away_m(watch, 1, [-1.5, -1.5]) > 2.0);
+    swarm.look(|watch| assert!(away_m(watch, 2, [7.5, -1.5]) < 0.3, "the blind one has moved"));
+    drop(sensor);
+    let is_gone =
+        |trouble: &String| trouble.starts_with("range sensor: ") && trouble.contains("opened once before");
+    swarm.until("the sensor is missed", 10, |watch| health(watch, 1).unwrap().troubles.iter().any(is_gone));
+    let _sensor = Sensor::plug(&port, b"\xff\rR5000\r");
+    swarm.until("it is back, and what it says besides is counted", 15, |watch| {
+        is_sound(watch) && health(watch, 1).unwrap().range.unwrap().glitches > 0
+    });
+    swarm.end_in_order();
+    let said = swarm.log_of(vehicle(2));
+    assert!(
+        said.contains("there is no range sensor: this vehicle sees nothing, and is not driven"),
+        "{said}"
+    );
+}
