@@ -36,7 +36,7 @@ const BRAKING_MPS2: f64 = 1.0;
 /// A mistake that is planted, to see that it is noticed.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub enum StopMistake {
-    /// Neither vehicles nor the ground station say on what they hear.
+    /// Neither vehicles nor the ground station say on what they hear, by bus or by beacon.
     NotSaidOn,
     /// A vehicle is not told which stops are open.
     VehicleNotTold,
@@ -386,7 +386,9 @@ impl World {
                     if self.mistake != Some(StopMistake::VehicleNotTold) {
                         self.tell_vehicle(index, vehicle::In::Stops(open.clone()));
                     }
-                    let named = if self.mistake == Some(StopMistake::BeaconsSilent) { vec![] } else { open };
+                    let are_silent =
+                        matches!(self.mistake, Some(StopMistake::BeaconsSilent | StopMistake::NotSaidOn));
+                    let named = if are_silent { vec![] } else { open };
                     self.tell_radio(index, radio::In::Stops(named));
                 }
                 (Node::Vehicle(index), stops::Out::Heard(by)) => {
