@@ -15,6 +15,7 @@ use tomoswarm::node::vehicle::Vehicle;
 use tomoswarm::operator::operator_actor::Operator;
 use tomoswarm::sim::Entry;
 use tomoswarm::sim::bus::NodeId;
+use tomoswarm::stops::Stops;
 use tomoswarm_proto::codec::{pack, unpack};
 
 use crate::place::Place;
@@ -56,6 +57,7 @@ impl<A: NodeActor> Again<A> {
 
 #[derive(Default)]
 struct Rover {
+    stops: Again<Stops>,
     vehicle: Again<Vehicle>,
     sensor: Again<Sensor>,
     map: Again<Map>,
@@ -67,6 +69,7 @@ struct Rover {
 impl Rover {
     fn restore(&mut self, snapshot: &Snapshot) {
         match snapshot.actor {
+            "stops" => self.stops.restore(snapshot),
             "vehicle" => self.vehicle.restore(snapshot),
             "sensor" => self.sensor.restore(snapshot),
             "map" => self.map.restore(snapshot),
@@ -79,6 +82,7 @@ impl Rover {
 
     fn take(&mut self, step: &ActorStep) {
         match step.actor {
+            "stops" => self.stops.take(step),
             "vehicle" => self.vehicle.take(step),
             "sensor" => self.sensor.take(step),
             "map" => self.map.take(step),
@@ -92,6 +96,7 @@ impl Rover {
 
 #[derive(Default)]
 struct Ground {
+    stops: Again<Stops>,
     station: Again<Station>,
     planner: Again<Planner>,
     imager: Again<Imager>,
@@ -100,6 +105,7 @@ struct Ground {
 impl Ground {
     fn restore(&mut self, snapshot: &Snapshot) {
         match snapshot.actor {
+            "stops" => self.stops.restore(snapshot),
             "station" => self.station.restore(snapshot),
             "planner" => self.planner.restore(snapshot),
             "imager" => self.imager.restore(snapshot),
@@ -109,6 +115,7 @@ impl Ground {
 
     fn take(&mut self, step: &ActorStep) {
         match step.actor {
+            "stops" => self.stops.take(step),
             "station" => self.station.take(step),
             "planner" => self.planner.take(step),
             "imager" => self.imager.take(step),
