@@ -124,13 +124,37 @@ impl Ground {
     }
 }
 
+#[derive(Default)]
+struct Person {
+    stops: Again<Stops>,
+    operator: Again<Operator>,
+}
+
+impl Person {
+    fn restore(&mut self, snapshot: &Snapshot) {
+        match snapshot.actor {
+            "stops" => self.stops.restore(snapshot),
+            "operator" => self.operator.restore(snapshot),
+            other => panic!("{other} is no actor of an operator"),
+        }
+    }
+
+    fn take(&mut self, step: &ActorStep) {
+        match step.actor {
+            "stops" => self.stops.take(step),
+            "operator" => self.operator.take(step),
+            other => panic!("{other} is no actor of an operator"),
+        }
+    }
+}
+
 #[test]
 fn an_actor_restored_at_any_moment_goes_on_as_the_original() {
     for (seed, segment_s) in [(1, 2.3), (2, 7.1), (3, 41.0)] {
         let place = Place::new(8.0, 8.0).block((4.0, 3.0, 2.0, 0.4)).block((-1.0, 4.0, 0.4, 0.6)).seed(seed);
         let place = place.root("end = \"return\"\nempty_sweep = true\nuntil_s = 2000.0");
         let (mut rovers, mut ground) = (BTreeMap::<_, Rover>::new(), Ground::default());
-        let mut operator = Again::<Operator>::default();
+        let mut person = Person::default();
         let mut record = |entry: Entry| match entry {
             Entry::Segment { node: NodeId::Vehicle(id), snapshots, .. } => {
                 snapshots.iter().for_each(|snapshot| rovers.entry(id).or_default().restore(snapshot));
@@ -139,11 +163,11 @@ fn an_actor_restored_at_any_moment_goes_on_as_the_original() {
                 snapshots.iter().for_each(|snapshot| ground.restore(snapshot))
             }
             Entry::Segment { node: NodeId::Operator(_), snapshots, .. } => {
-                snapshots.iter().for_each(|snapshot| operator.restore(snapshot))
+                snapshots.iter().for_each(|snapshot| person.restore(snapshot))
             }
             Entry::Step(NodeId::Vehicle(id), step) => rovers.entry(id).or_default().take(&step),
             Entry::Step(NodeId::Ground, step) => ground.take(&step),
-            Entry::Step(NodeId::Operator(_), step) => operator.take(&step),
+            Entry::Step(NodeId::Operator(_), step) => person.take(&step),
         };
         let recorded =
             place.scenario().run_recorded(&mut |_| true, Duration::from_secs_f64(segment_s), &mut record);
@@ -152,9 +176,9 @@ fn an_actor_restored_at_any_moment_goes_on_as_the_original() {
         for rover in rovers.values() {
             assert!(rover.mission.steps > 500 && rover.map.steps > 200 && rover.outbox.steps > 50);
             assert!(rover.vehicle.steps > 500 && rover.sensor.steps > 500 && rover.radio.steps > 500);
-            assert!(rover.mission.restored > 2);
+            assert!(rover.mission.restored > 2 && rover.stops.steps > 500);
         }
-        assert!(operator.steps > 500 && operator.restored > 2);
+        assert!(person.operator.steps > 500 && person.operator.restored > 2 && person.stops.steps > 500);
         assert!(ground.station.steps > 500 && ground.planner.steps >= 2 && ground.imager.steps >= 2);
     }
 }
