@@ -366,7 +366,7 @@ pub fn variants() -> Vec<(&'static str, Message)> {
     let start = Order {
         seen: None,
         kind: OrderKind::Start,
-        ends: vec![EmergencyName(0x42), emergency().name],
+        ends: vec![EmergencyName(0), emergency().name],
         ..order()
     };
     let one = EmergencyStop { scope: StopScope::One(VehicleId(2)), ..emergency() };
