@@ -77,6 +77,7 @@ impl Devices {
             | Effect::Recall { .. }
             | Effect::Tally(_)
             | Effect::Remember(_)
+            | Effect::KeepStops(_)
             | Effect::Note(_) => {}
         }
     }
