@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 
 const L0: &[&str] = &["time", "geom"];
 const L1: &[&str] = &["map", "plan", "tomo", "sweep", "scene", "config", "draw"];
-const L2: &[&str] = &["actor", "node", "ground", "operator", "exchange"];
+const L2: &[&str] = &["actor", "autopilot", "node", "ground", "operator", "exchange"];
 
 /// Which modules a module may use beside itself; `None` for one that is not in the table.
 fn may_use(module: &str) -> Option<Vec<&'static str>> {
@@ -20,7 +20,8 @@ fn may_use(module: &str) -> Option<Vec<&'static str>> {
         "config" => joined(&[L0, &["map", "plan"]]),
         "draw" => joined(&[L0, &["tomo", "map", "scene"]]),
         "actor" => joined(&[L0, L1]),
-        "node" => joined(&[L0, L1, &["actor"]]),
+        "autopilot" => joined(&[L0, &["actor"]]),
+        "node" => joined(&[L0, L1, &["actor", "autopilot"]]),
         "ground" => joined(&[L0, L1, &["actor", "node"]]),
         "exchange" => joined(&[L0]),
         "operator" => joined(&[L0, L1, &["actor", "exchange", "node"]]),

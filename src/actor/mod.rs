@@ -14,6 +14,8 @@
 
 mod actor_cell;
 mod actor_step;
+#[cfg(test)]
+pub(crate) mod drawings;
 mod inbox;
 mod local_node;
 mod snapshot;

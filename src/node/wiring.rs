@@ -1,4 +1,4 @@
-//! The six actors of a vehicle and how they are wired, for every runtime; who hears whom says [`super::route`].
+//! The seven actors of a vehicle and how they are wired, for every runtime; who hears whom says [`super::route`].
 //!
 //! A fault of the range sensor's actor is mended by a fresh one. A fault of any other ends the node, the radio's too: its
 //! samples are numbered, and a fresh one would count from the beginning under the same start.
@@ -12,6 +12,7 @@ use super::route::{Destination, Effect, Event, Output, route};
 use super::sensor::Sensor;
 use super::vehicle::Vehicle;
 use crate::actor::{ActingTime, Fill, Place, Recipient, RestartPolicy, Visitor, Wire, Wiring};
+use crate::autopilot::AutopilotLink;
 
 /// How a vehicle is wired.
 #[derive(Debug)]
@@ -20,6 +21,7 @@ pub enum VehicleWiring {}
 /// A place for each actor of a vehicle.
 #[derive(Clone, Debug)]
 pub struct Actors<P: Place<VehicleWiring>> {
+    pub(crate) autopilot: P::Of<AutopilotLink>,
     pub(crate) vehicle: P::Of<Vehicle>,
     pub(crate) sensor: P::Of<Sensor>,
     pub(crate) map: P::Of<Map>,
@@ -39,6 +41,14 @@ impl Wiring for VehicleWiring {
 
     fn fill<P: Place<Self>>(fill: &mut impl Fill<Self, P>) -> Actors<P> {
         Actors {
+            // At once, on the thread of whoever tells it something: a stop does not wait for another thread.
+            autopilot: fill.actor(Wire {
+                name: "autopilot",
+                restart: RestartPolicy::StopNode,
+                acting: ActingTime::Instant,
+                make: |settings| AutopilotLink::new(settings.autopilot),
+                output: Output::Autopilot,
+            }),
             vehicle: fill.actor(Wire {
                 name: "vehicle",
                 restart: RestartPolicy::StopNode,
@@ -86,7 +96,8 @@ impl Wiring for VehicleWiring {
 
     fn visit<P: Place<Self>>(actors: &mut Actors<P>, visitor: &mut impl Visitor<Self, P>) {
         // Taken apart, so that none can be forgotten.
-        let Actors { vehicle, sensor, map, mission, radio, outbox } = actors;
+        let Actors { autopilot, vehicle, sensor, map, mission, radio, outbox } = actors;
+        visitor.actor::<AutopilotLink>(autopilot);
         visitor.actor::<Vehicle>(vehicle);
         visitor.actor::<Sensor>(sensor);
         visitor.actor::<Map>(map);
@@ -109,6 +120,7 @@ impl Wiring for VehicleWiring {
         carry_out: &mut impl FnMut(Effect),
     ) {
         match destination {
+            Destination::Autopilot(input) => P::tell::<AutopilotLink>(&mut actors.autopilot, input),
             Destination::Vehicle(input) => P::tell::<Vehicle>(&mut actors.vehicle, input),
             Destination::Sensor(input) => P::tell::<Sensor>(&mut actors.sensor, input),
             Destination::Map(input) => P::tell::<Map>(&mut actors.map, input),
@@ -129,6 +141,6 @@ mod tests {
     fn recordings_name_the_actors_in_the_order_of_the_datas_way() {
         let snapshots = VehicleNode::new(&settings(1)).snapshots().unwrap();
         let names: Vec<&str> = snapshots.iter().map(|snapshot| snapshot.actor).collect();
-        assert_eq!(names, ["vehicle", "sensor", "map", "mission", "radio", "outbox"]);
+        assert_eq!(names, ["autopilot", "vehicle", "sensor", "map", "mission", "radio", "outbox"]);
     }
 }

@@ -27,10 +27,11 @@ use super::node_threads::{LiveNode, Threads};
 use super::process::{Finish, Process};
 use super::state_dir::{StateDir, StateDirError};
 use super::trust::TrustError;
+use crate::autopilot::{Command, Errand, Fly, NumberedCommand, Remark, link};
 use crate::config::{Record, VehicleFile};
 use crate::geom::Lattice;
 use crate::node::outbox::Tally;
-use crate::node::vehicle::Fly;
+use crate::node::route::Note;
 use crate::node::{Effect, Event, Settings, VehicleWiring};
 use crate::store::memory::{MemoryDriver, MemoryError, MemoryFile};
 use crate::store::outbox::{OutboxDriver, OutboxSettings};
@@ -109,6 +110,8 @@ struct Last {
     /// The first ping that was not answered.
     ping: Option<Time>,
     tally: Tally,
+    /// Why the autopilot has not armed, since it was told to.
+    not_armed: Option<String>,
 }
 
 impl Last {
@@ -146,7 +149,7 @@ struct Edge {
 impl Edge {
     fn carry_out(&self, effect: Effect) {
         match &effect {
-            Effect::Fly(_) | Effect::Steer(_) => {
+            Effect::Command(_) | Effect::Steer(_) => {
                 self.world.send(&effect);
             }
             Effect::Ping(_) => {
@@ -161,10 +164,16 @@ impl Edge {
                 if let Message::State(state) = message {
                     let mut last = lock(&self.last);
                     (last.state, last.state_at) = (Some(state.clone()), Some(self.clock.now()));
+                    last.not_armed.take_if(|_| state.is_armed);
                 }
                 self.mouth.publish(message);
             }
-            Effect::Note(note) => tracing::info!("{note:?}"),
+            Effect::Note(note) => {
+                if let Note::Autopilot(Remark::GivenUp(Errand::Arm, reason)) = note {
+                    lock(&self.last).not_armed = Some(reason.to_string());
+                }
+                tracing::info!("{note:?}");
+            }
             Effect::Keep(run, sample) => self.outbox.keep(*run, *sample),
             Effect::Forget { boot, run, below } => self.outbox.forget(*boot, *run, *below),
             Effect::Recall { after } => self.outbox.recall(*after),
@@ -322,6 +331,8 @@ impl Edge {
         };
         watch("autopilot", "it says nothing", last.is_autopilot_silent(now));
         watch("range sensor", "it answers nothing", last.is_range_silent(now));
+        let not_armed = last.not_armed.as_deref();
+        watch("arming", not_armed.unwrap_or_default(), not_armed.is_some());
     }
 
     fn watch_disk(&self, troubles: &Troubles) {
@@ -363,8 +374,9 @@ impl Edge {
         }
     }
 
+    /// Stops, when no actor is left who could.
     fn stop(&self) {
-        self.world.send(&Effect::Fly(Fly::Stop));
+        self.world.send(&Effect::Command(NumberedCommand { number: 0, command: Command::Stop }));
     }
 
     /// Brakes, until the vehicle stands and the mission has ended, or for long enough.
@@ -374,7 +386,7 @@ impl Edge {
         let begun = self.clock.now();
         let mut ended = None;
         loop {
-            self.stop();
+            self.node.actors().autopilot.place.tell(link::In::Fly(Fly::Stop));
             let now = self.clock.now();
             if threads.has_ended(mission.wire.name) {
                 ended.get_or_insert(now);

@@ -42,6 +42,11 @@ impl Reports {
         self.mission_holds = holds;
     }
 
+    /// Lets the next state be published at once.
+    pub fn publish_next(&mut self) {
+        self.published = None;
+    }
+
     /// Returns whether what answers a state of this `boot` was said in time.
     pub fn is_answer(&self, now: Time, boot: Boot, seen: Option<SeenState>) -> bool {
         seen.is_some_and(|seen| seen.boot == boot && self.made.is_fresh(now, seen.sequence))
@@ -80,6 +85,14 @@ impl Vehicle {
         out.push(Out::State(state));
     }
 
+    /// Publishes what was known last of a vehicle whose autopilot has fallen silent: that it has.
+    pub(super) fn report_silence(&mut self, now: Time, out: &mut Vec<Out>) {
+        let Some(telemetry) = self.telemetry.of_any_age().copied() else { return };
+        self.reports.begin(now);
+        let state = self.state(&telemetry);
+        out.push(Out::Publish(self.on_wire(&state)));
+    }
+
     fn state(&self, telemetry: &Telemetry) -> OwnState {
         OwnState {
             sequence: self.reports.sequence,
@@ -111,9 +124,9 @@ impl Vehicle {
             mode: own.mode,
             stands_under: self.stands_under(own),
             is_at_rest: own.is_at_rest,
-            control: Control::Ours,
+            control: self.autopilot.control,
             is_armed: own.is_armed,
-            is_landed: true,
+            is_landed: self.autopilot.is_landed,
             battery: Permille::from_fraction(own.battery),
             leg: own.leg.as_ref().map(report),
             accepted: own.accepted,
@@ -125,6 +138,8 @@ impl Vehicle {
     fn stands_under(&self, own: &OwnState) -> Option<StandReason> {
         match self.orders.restraint() {
             Restraint::Held | Restraint::Landing(_) | Restraint::Emergency(_) => Some(StandReason::Held),
+            Restraint::Free if self.autopilot.control == Control::Remote => Some(StandReason::Remote),
+            Restraint::Free if self.autopilot.control != Control::Ours => Some(StandReason::Autopilot),
             Restraint::Free if own.pose.sd_m > self.settings.swarm.pose_sd_max_m => {
                 Some(StandReason::NoPlace)
             }

@@ -7,6 +7,7 @@ use super::*;
 use crate::geom::Angle;
 use crate::geom::Pose;
 
+mod control;
 mod drawings;
 mod laws;
 mod memory;
