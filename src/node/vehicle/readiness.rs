@@ -1,5 +1,6 @@
 //! Whether a vehicle that was started has heard enough to be started out: for some seconds it listens, and from every
-//! vehicle that it hears it must have learned which emergency stops are open. Hearing nobody it stays.
+//! vehicle that it hears it must have learned which emergency stops are open, unless that one never tells. Hearing nobody it
+//! stays.
 //!
 //! ```text
 //!   [Alone] ──somebody is heard──► [Listening] ──time is up, and everyone heard has told──► [Ready]
@@ -13,6 +14,9 @@ use tomoswarm_proto::{Sender, VehicleId};
 
 use crate::node::peers::Peers;
 use crate::time::Time;
+
+/// Who has not told after so many times the time that is listened is not waited for any longer.
+const GIVES_UP_AFTER: u32 = 3;
 
 /// Whether enough has been heard.
 #[derive(Clone, PartialEq, Debug, Default, Serialize, Deserialize)]
@@ -52,7 +56,9 @@ impl Readiness {
         if let Readiness::Listening { since, told } = self {
             let heard = peers.iter().filter(|(_, peer)| !peer.is_silent(now));
             let have_told = heard.into_iter().all(|(vehicle, _)| told.contains(&vehicle));
-            if have_told && now.since(*since) >= listens_for {
+            // Whoever is heard and never tells must not keep everyone from ever being started.
+            let listened = now.since(*since);
+            if have_told && listened >= listens_for || listened >= listens_for * GIVES_UP_AFTER {
                 *self = Readiness::Ready;
             }
         }
@@ -81,6 +87,10 @@ mod tests {
         assert!(!readiness.look(at(12.1), Duration::from_secs(2), &peers), "vehicle 2 has not told");
         readiness.note_told(at(12.1), Sender::Vehicle(VehicleId(2)));
         assert!(readiness.look(at(12.1), Duration::from_secs(2), &peers));
+        let mut waits = Readiness::default();
+        waits.hear(at(10.0));
+        assert!(!waits.look(at(13.9), Duration::from_secs(2), &peers), "vehicle 2 has not told this one");
+        assert!(waits.look(at(16.0), Duration::from_secs(2), &peers), "it never tells");
         assert_eq!(drawn(include_str!("readiness.rs")), variants::<Readiness>());
     }
 
