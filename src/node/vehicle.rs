@@ -1,6 +1,6 @@
 //! The vehicle actor: the last word before the autopilot, and the first to know where the vehicle is.
 //!
-//! It is told telemetry, scans, commands of the mission, orders, the peers' states and what the disk has. It says what to
+//! It is told telemetry, who steers, scans, commands of the mission, orders, the peers' states and what the disk has. It says what to
 //! fly, its own `State`, what is to be remembered, orders that are obeyed, and remarks. It checks every command against the envelope
 //! (a fresh and certain pose, a finite route that begins here, the fence, the peers, what made the reflex halt) and
 //! always drives at the configured speed. It judges the age of orders and of commands. Off plan, where no order of
@@ -41,6 +41,7 @@
 //!   any ──Turn───► [Turning] ──at rest──► [Idle]
 //!   any ──stop───► [Stopped]                        but what the reflex has halted stays so
 //!   any ──reflex─► [Halted]                         when telemetry shows driving
+//!   any ──taken over─► [Idle]                       by remote control, or by the autopilot itself
 //! ```
 //!
 //! A vehicle under a restraint accepts neither Drive nor Turn: it leaves Stopped and Halted only when it is free again.
@@ -63,7 +64,7 @@ use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
 use tomoswarm_proto::{
-    EmergencyStop, Order, OrderKind, Revision, RunId, Sender, StandReason, State, VehicleId,
+    Control, EmergencyStop, Order, OrderKind, Revision, RunId, Sender, StandReason, State, VehicleId,
 };
 
 use self::emergency::Emergency;
@@ -79,6 +80,7 @@ use super::radio::Sighting;
 use super::sensor::Scan;
 use super::{OwnState, Settings};
 use crate::actor::{Actor, Class, Fault, Input};
+use crate::autopilot::Status;
 use crate::geom::{Point, Vector};
 use crate::stops::first_that_stops;
 use crate::time::{Deadline, Time};
@@ -96,6 +98,8 @@ const SAY_AGAIN: Duration = Duration::from_millis(300);
 pub enum In {
     /// Pose and motion.
     Telemetry(Telemetry),
+    /// Who steers, and whether it is on the ground; told when it changes.
+    Autopilot(Status),
     /// A range reading.
     Scan(Scan),
     /// What the mission wants, and when it decided that.
@@ -140,6 +144,7 @@ pub enum Out {
 pub struct Vehicle {
     settings: Settings,
     telemetry: LastTelemetry,
+    autopilot: Status,
     movement: Movement,
     orders: Orders,
     emergency: Emergency,
@@ -161,6 +166,7 @@ impl Vehicle {
             readiness: Readiness::default(),
             settings,
             telemetry: LastTelemetry::default(),
+            autopilot: Status::default(),
             movement: Movement::default(),
             reflex: Reflex::default(),
             reports: Reports::default(),
@@ -178,6 +184,17 @@ impl Vehicle {
         let disarms = self.emergency.disarms(now, &telemetry).then_some(Fly::Disarm);
         out.extend(motors.or(disarms).map(Out::Fly));
         self.report(now, &telemetry, out);
+    }
+
+    /// Takes who steers. Of a way that somebody else has ended nothing is claimed any more.
+    fn autopilot(&mut self, now: Time, status: Status, out: &mut Vec<Out>) {
+        self.autopilot = status;
+        match status.control {
+            Control::Remote | Control::Own => self.movement.let_go(),
+            Control::Ours => {}
+            Control::Silent => self.report_silence(now, out),
+        }
+        self.reports.publish_next();
     }
 
     /// Stops a vehicle that drives and no longer knows where it is; said once.
@@ -299,6 +316,7 @@ impl Actor for Vehicle {
     fn handle(&mut self, now: Time, input: In, out: &mut Vec<Out>) -> Result<(), Fault> {
         match input {
             In::Telemetry(telemetry) => self.telemetry(now, telemetry, out),
+            In::Autopilot(status) => self.autopilot(now, status, out),
             In::Scan(scan) => self.scan(now, &scan, out),
             In::Command(decided, command) => self.command(now, decided, command, out),
             In::Holds(holds) => self.reports.note_mission_holds(holds),
@@ -344,6 +362,8 @@ impl Actor for Vehicle {
 pub enum Key {
     /// Telemetry of the own autopilot.
     Telemetry,
+    /// Who steers.
+    Autopilot,
     /// The mission's command.
     Command,
     /// Orders to one vehicle join by strength; those to others are not obeyed, and replace none to this one.
@@ -366,6 +386,7 @@ impl Input for In {
     fn class(&self) -> Class<Key> {
         match self {
             In::Telemetry(_) => Class::Latest(Key::Telemetry),
+            In::Autopilot(_) => Class::Latest(Key::Autopilot),
             In::Scan(_) => Class::Queue,
             In::Command(..) => Class::Latest(Key::Command),
             In::Holds(_) => Class::Latest(Key::Holds),
