@@ -12,8 +12,8 @@
 //! ```
 //!
 //! Laws: nothing that moves the vehicle is said after a stop before the vehicle wants to move again, nor while somebody
-//! else steers, nor while a disarming stands; arming is never forced, is tried three times for one start, and not again once
-//! it was seen. A person who has taken over by remote control is not braked either; an autopilot that acts by itself is,
+//! else steers, nor while a disarming stands; nor is anything armed after a stop before that; arming is never forced, is
+//! tried three times for one start, and not again once it was seen. A person who has taken over by remote control is not braked either; an autopilot that acts by itself is,
 //! unless it comes down.
 //!
 //! Its parts are machines of their own, each drawn in its file: who steers (`steering.rs`), the motors (`motors.rs`), moving
@@ -168,11 +168,13 @@ impl AutopilotLink {
             Fly::Drive { .. } | Fly::Turn(_) => {
                 if self.may_steer() && !self.motors.is_disarming() {
                     self.drop_pending_move();
+                    self.motors.go_on();
                     self.movement.wait(now, fly);
                 }
             }
             Fly::Stop => {
-                self.drop_pending_move();
+                self.pending.take_if(|pending| pending.errand != Errand::ChangeMode);
+                self.motors.postpone();
                 match self.steering {
                     Steering::Ours(_) | Steering::Own => self.movement.stop(now, SAY_AGAIN),
                     Steering::Remote => self.movement.give_up_waiting(),
@@ -475,7 +477,11 @@ impl AutopilotLink {
         match self.motors {
             Motors::Accepted { since: _ } => true,
             Motors::Disarming(_) => false,
-            Motors::Unasked | Motors::Arming(_) | Motors::Armed | Motors::GivenUp => {
+            Motors::Unasked
+            | Motors::Arming(_)
+            | Motors::Postponed(_)
+            | Motors::Armed
+            | Motors::GivenUp => {
                 self.report.is_some_and(|report| report.is_armed)
             }
         }

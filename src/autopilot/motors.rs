@@ -6,11 +6,14 @@
 //!                           └── refused or not answered three times, or [Accepted] and not shown for 3 s ──► [GivenUp]
 //!   any ──Disarm──► [Disarming]      said again whenever telemetry shows current; until a Start
 //!   any ──Start───► [Arming]
-//!   [Arming], [Accepted] ──somebody else has taken over──► [Unasked]
+//!   [Arming] ──Stop──► [Postponed] ──Drive, Turn──► [Arming]      with the tries that are left
+//!                           └── accepted late, or shown ──► [Accepted], [Armed]
+//!   [Arming], [Postponed], [Accepted] ──somebody else has taken over──► [Unasked]
 //! ```
 //!
 //! An accepted arming is not tried again, and once it was seen armed there is none before the next Start: whoever takes the
-//! current away by hand is not overruled. A disarming is not believed before telemetry shows it.
+//! current away by hand is not overruled. A stop cancels an arming under way: nothing is armed after it before the vehicle
+//! wants to move again, which it may by a start only. A disarming is not believed before telemetry shows it.
 
 use std::time::Duration;
 
@@ -36,6 +39,8 @@ pub(super) enum Motors {
     Unasked,
     /// They are to get current.
     Arming(Arming),
+    /// They are to get current before the vehicle moves next: it was stopped meanwhile.
+    Postponed(Arming),
     /// The autopilot has accepted to arm; telemetry does not show it yet.
     Accepted {
         /// Since when.
@@ -78,6 +83,7 @@ impl Motors {
             Motors::Disarming(Disarming { said: Some((said, _)), .. }) => *said + SHOWS_WITHIN,
             Motors::Unasked
             | Motors::Arming(_)
+            | Motors::Postponed(_)
             | Motors::Accepted { .. }
             | Motors::Armed
             | Motors::GivenUp
@@ -92,16 +98,31 @@ impl Motors {
             Motors::Disarming(_) => {}
             Motors::Unasked
             | Motors::Arming(_)
+            | Motors::Postponed(_)
             | Motors::Accepted { .. }
             | Motors::Armed
             | Motors::GivenUp => *self = Motors::Disarming(Disarming::default()),
         }
     }
 
+    /// Takes that the vehicle is to stand: an arming under way waits.
+    pub fn postpone(&mut self) {
+        if let Motors::Arming(arming) = *self {
+            *self = Motors::Postponed(arming);
+        }
+    }
+
+    /// Takes that the vehicle is to move: an arming that waits goes on.
+    pub fn go_on(&mut self) {
+        if let Motors::Postponed(arming) = *self {
+            *self = Motors::Arming(arming);
+        }
+    }
+
     /// Gives an arming up: somebody else has taken over.
     pub fn let_go(&mut self) {
         match self {
-            Motors::Arming(_) | Motors::Accepted { .. } => *self = Motors::Unasked,
+            Motors::Arming(_) | Motors::Postponed(_) | Motors::Accepted { .. } => *self = Motors::Unasked,
             Motors::Unasked | Motors::Armed | Motors::GivenUp | Motors::Disarming(_) => {}
         }
     }
@@ -109,7 +130,7 @@ impl Motors {
     /// Takes whether telemetry shows current.
     pub fn take(&mut self, now: Time, is_armed: bool) {
         let is_seen = match self {
-            Motors::Arming(arming) => is_armed && now >= arming.believed_from,
+            Motors::Arming(arming) | Motors::Postponed(arming) => is_armed && now >= arming.believed_from,
             Motors::Accepted { since: _ } => is_armed,
             Motors::Unasked | Motors::Armed | Motors::GivenUp | Motors::Disarming(_) => false,
         };
@@ -120,7 +141,7 @@ impl Motors {
 
     /// Takes an answer, if it is one to a try to arm.
     pub fn arm_answered(&mut self, now: Time, ack: &Ack) {
-        let Motors::Arming(arming) = self else { return };
+        let (Motors::Arming(arming) | Motors::Postponed(arming)) = self else { return };
         if arming.tries == 0 || arming.number != ack.number {
             return;
         }
@@ -163,7 +184,11 @@ impl Motors {
         match self {
             Motors::Arming(arming) => Some(arming.next_at),
             Motors::Accepted { since } => Some(*since + SHOWS_WITHIN),
-            Motors::Unasked | Motors::Armed | Motors::GivenUp | Motors::Disarming(_) => None,
+            Motors::Unasked
+            | Motors::Postponed(_)
+            | Motors::Armed
+            | Motors::GivenUp
+            | Motors::Disarming(_) => None,
         }
     }
 
@@ -174,7 +199,11 @@ impl Motors {
                 (arming.tries >= ARM_TRIES && arming.next_at <= now).then_some(arming.refusal)
             }
             Motors::Accepted { since } => (*since + SHOWS_WITHIN <= now).then_some(None),
-            Motors::Unasked | Motors::Armed | Motors::GivenUp | Motors::Disarming(_) => None,
+            Motors::Unasked
+            | Motors::Postponed(_)
+            | Motors::Armed
+            | Motors::GivenUp
+            | Motors::Disarming(_) => None,
         }
     }
 
@@ -189,6 +218,7 @@ impl Motors {
             }
             Motors::Unasked
             | Motors::Arming(_)
+            | Motors::Postponed(_)
             | Motors::Accepted { .. }
             | Motors::Armed
             | Motors::GivenUp => None,

@@ -183,6 +183,8 @@ enum Mistake {
     StopIsSaidOnce,
     /// A drive is said again after a stop.
     DrivesAfterStop,
+    /// An arming goes on after a stop.
+    ArmsAfterStop,
     /// Arming is tried as long as it takes.
     ArmsForEver,
     /// Whoever disarms by hand is overruled.
@@ -223,6 +225,8 @@ struct Witness {
     stop_said: Option<Time>,
     wants_to_disarm: Option<Option<Time>>,
     wants_to_arm: bool,
+    /// It was stopped since the start, and has not wanted to move since.
+    arming_waits: bool,
     arm_tries: usize,
     /// It was seen armed, or its arming accepted, since the start.
     was_armed: bool,
@@ -256,6 +260,7 @@ impl Witness {
             stop_said: None,
             wants_to_disarm: None,
             wants_to_arm: false,
+            arming_waits: false,
             arm_tries: 0,
             was_armed: false,
             arm_numbers: Vec::new(),
@@ -348,14 +353,15 @@ impl Witness {
         match fly {
             Fly::Drive { .. } | Fly::Turn(_) => {
                 (self.wants_to_move, self.wants_to_stop) = (Some(self.now), false);
+                self.arming_waits = false;
             }
             Fly::Stop => {
                 (self.wants_to_move, self.wants_to_stop) = (None, true);
-                self.may_stop = true;
+                (self.may_stop, self.arming_waits) = (true, true);
             }
             Fly::Arm => {
                 (self.wants_to_disarm, self.wants_to_arm) = (None, true);
-                (self.arm_tries, self.was_armed) = (0, false);
+                (self.arm_tries, self.was_armed, self.arming_waits) = (0, false, false);
                 self.arm_numbers.clear();
                 // A start after a take-over begins anew.
                 if self.is_remote || self.control == Control::Own {
@@ -443,6 +449,7 @@ impl Witness {
                 self.arm_tries += 1;
                 assert!(self.wants_to_arm && self.arm_tries <= 3, "try {} to arm", self.arm_tries);
                 assert!(!self.was_armed, "it was armed, and is armed again");
+                assert!(!self.arming_waits, "it is armed although it was stopped");
                 self.arm_numbers.push(*number);
             }
             Command::Disarm { force } => {
@@ -520,6 +527,10 @@ impl Witness {
             Mistake::DrivesAfterStop if was_said => {
                 out.extend(self.last_drive.take().map(Out::Command));
             }
+            Mistake::ArmsAfterStop if self.arming_waits && self.wants_to_arm && is_report => {
+                let goes_on = (1..3).contains(&self.arm_tries) && !self.was_armed;
+                out.extend(goes_on.then(|| say(9999, Command::Arm { force: false })));
+            }
             Mistake::ArmsForEver if self.arm_tries == 3 && is_report => {
                 out.push(say(9999, Command::Arm { force: false }));
             }
@@ -556,6 +567,7 @@ impl Witness {
                 });
             }
             Mistake::DrivesAfterStop
+            | Mistake::ArmsAfterStop
             | Mistake::ArmsForEver
             | Mistake::OverrulesHands
             | Mistake::FightsTakeOver
@@ -614,6 +626,7 @@ fn every_mistake_that_is_planted_is_noticed() {
         Mistake::StopWaits,
         Mistake::StopIsSaidOnce,
         Mistake::DrivesAfterStop,
+        Mistake::ArmsAfterStop,
         Mistake::ArmsForEver,
         Mistake::OverrulesHands,
         Mistake::Forces,

@@ -119,6 +119,26 @@ fn arming_is_tried_three_times_and_given_up_with_its_reason() {
 }
 
 #[test]
+fn a_stop_cancels_an_arming_until_the_vehicle_wants_to_move_again() {
+    let off = Report { is_armed: false, ..report() };
+    let mut rover = link(Kind::Rover, off);
+    assert_eq!(wanted(&mut rover, 1.1, Fly::Arm), [ARM]);
+    assert_eq!(commands(&answered(&mut rover, 1.2, CommandAck::Failed)), []);
+    assert_eq!(wanted(&mut rover, 1.3, Fly::Stop), [Command::Stop]);
+    for tenth in 14..60 {
+        assert_eq!(commands(&told(&mut rover, f64::from(tenth) * 0.1, In::Report(off))), []);
+    }
+    let mut armed = wanted(&mut rover, 6.1, drive());
+    for tenth in 62..120 {
+        let now_s = f64::from(tenth) * 0.1;
+        let mut out = answered(&mut rover, now_s, CommandAck::Failed);
+        out.extend(told(&mut rover, now_s, In::Report(off)));
+        armed.extend(commands(&out));
+    }
+    assert_eq!(armed, [ARM, ARM], "three for one start, whatever stopped it meanwhile");
+}
+
+#[test]
 fn whoever_disarms_by_hand_is_not_overruled() {
     let mut rover = link(Kind::Rover, report());
     wanted(&mut rover, 1.1, Fly::Arm);
