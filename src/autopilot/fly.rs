@@ -18,9 +18,12 @@ pub enum Fly {
     Turn(Angle),
     /// Brake and stand.
     Stop,
-    /// Let the motors turn again; no effect on one that is armed. It follows from an order of an operator that frees the
-    /// vehicle, and ends what somebody else has begun with the autopilot.
+    /// Let the motors turn again; no effect on one that is armed, nor while somebody else steers. It follows from an order
+    /// of an operator that frees the vehicle.
     Arm,
+    /// End what somebody else has begun with the autopilot: a person by remote control, or the autopilot by itself. It
+    /// follows from an operator's start that names the take-over.
+    TakeBack,
     /// Cut the motors; nothing moves before it is armed. In the air: come down, then cut them.
     Disarm,
 }

@@ -180,8 +180,10 @@ impl AutopilotLink {
                     Steering::Remote => self.movement.give_up_waiting(),
                 }
             }
+            Fly::TakeBack => self.steering.take_back(self.shown_mode()),
+            // Nobody is armed against who steers: the vehicle may not know yet of one who has taken over just now.
+            Fly::Arm if !self.steering.is_ours() => {}
             Fly::Arm => {
-                self.steering.start(self.shown_mode());
                 // A change of mode that waits for its answer serves the start as well.
                 self.pending.take_if(|pending| pending.errand != Errand::ChangeMode);
                 self.motors.start(now);
@@ -386,7 +388,7 @@ impl AutopilotLink {
                 speed_mps: Some(*speed_mps),
             },
             Fly::Turn(heading) => Command::Yaw(*heading),
-            Fly::Stop | Fly::Arm | Fly::Disarm => Command::Stop,
+            Fly::Stop | Fly::Arm | Fly::TakeBack | Fly::Disarm => Command::Stop,
         }
     }
 
@@ -477,11 +479,7 @@ impl AutopilotLink {
         match self.motors {
             Motors::Accepted { since: _ } => true,
             Motors::Disarming(_) => false,
-            Motors::Unasked
-            | Motors::Arming(_)
-            | Motors::Postponed(_)
-            | Motors::Armed
-            | Motors::GivenUp => {
+            Motors::Unasked | Motors::Arming(_) | Motors::Postponed(_) | Motors::Armed | Motors::GivenUp => {
                 self.report.is_some_and(|report| report.is_armed)
             }
         }

@@ -6,7 +6,7 @@
 //!
 //!   [Ours] ──a mode that nobody here has asked for──► [Remote]
 //!      ▲ └── the same, while a failsafe is in force, the autopilot starts up, or after a silence ──► [Own]
-//!      └──── an operator's Start ──── [Remote], [Own]
+//!      └──── TakeBack, by an operator's start that names it ──── [Remote], [Own]
 //! ```
 //!
 //! One that is first heard in a mode in which it does not just stand was taken over before.
@@ -71,9 +71,9 @@ impl Hearing {
 pub(super) enum Steering {
     /// This software, as far as it has said anything.
     Ours(OwnModes),
-    /// A person, until a start.
+    /// A person, until it is taken back.
     Remote,
-    /// The autopilot by itself, until a start.
+    /// The autopilot by itself, until it is taken back.
     Own,
 }
 
@@ -124,8 +124,8 @@ impl Steering {
         true
     }
 
-    /// An operator's start gives it back to this software, from the mode that shows.
-    pub fn start(&mut self, shown: Option<Mode>) {
+    /// Gives it back to this software, from the mode that shows: an operator's start has named the take-over.
+    pub fn take_back(&mut self, shown: Option<Mode>) {
         match self {
             Steering::Ours(_) => {}
             Steering::Remote | Steering::Own => {

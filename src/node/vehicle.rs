@@ -20,10 +20,10 @@
 //! does so at once, and is written then (`orders.rs`). So a vehicle that is started anew obeys nothing lower than it has
 //! ever shown. It begins free all the same, and waits for a start.
 //!
-//! Six machines run side by side; each has its file, which alone writes its fields. Two say what orders leave standing and
-//! what the vehicle was told to do. The others are drawn in their files: what emergency stops do (`emergency.rs`), how far a
-//! disarming has come (`disarming.rs`), whether enough was heard to begin (`readiness.rs`), and whether the autopilot is
-//! heard (`last_telemetry.rs`).
+//! Seven machines run side by side; each has its file, which alone writes its fields. Two say what orders leave standing and
+//! what the vehicle was told to do. The others are drawn in their files: what emergency stops do (`emergency.rs`), whether
+//! somebody else has taken over (`take_over.rs`), how far a disarming has come (`disarming.rs`), whether enough was heard to
+//! begin (`readiness.rs`), and whether the autopilot is heard (`last_telemetry.rs`).
 //!
 //! What orders leave standing (`restraint.rs`), at first nothing; a weaker order leads no way back:
 //!
@@ -58,6 +58,7 @@ mod readiness;
 mod reflex;
 mod report;
 mod restraint;
+mod take_over;
 mod words;
 
 use std::time::Duration;
@@ -74,6 +75,7 @@ use self::orders::{Accepted, Orders};
 use self::readiness::Readiness;
 use self::reflex::Reflex;
 use self::report::Reports;
+use self::take_over::TakeOver;
 use super::memory::{Memory, Remembered};
 use super::peers::{Peers, join_states};
 use super::radio::Sighting;
@@ -148,6 +150,7 @@ pub struct Vehicle {
     movement: Movement,
     orders: Orders,
     emergency: Emergency,
+    take_over: TakeOver,
     readiness: Readiness,
     reflex: Reflex,
     peers: Peers,
@@ -163,6 +166,7 @@ impl Vehicle {
             peers: Peers::new(settings.vehicle),
             orders: Orders::remembering(settings.memory),
             emergency,
+            take_over: TakeOver::default(),
             readiness: Readiness::default(),
             settings,
             telemetry: LastTelemetry::default(),
@@ -186,11 +190,18 @@ impl Vehicle {
         self.report(now, &telemetry, out);
     }
 
-    /// Takes who steers. Of a way that somebody else has ended nothing is claimed any more.
+    /// Takes who steers. Of a way that somebody else has ended nothing is claimed any more, and what answers a state of
+    /// before sends the vehicle out no more.
     fn autopilot(&mut self, now: Time, status: Status, out: &mut Vec<Out>) {
         self.autopilot = status;
+        if self.take_over.take(status.control) {
+            self.orders.answer_from(now);
+        }
         match status.control {
-            Control::Remote | Control::Own => self.movement.let_go(),
+            Control::Remote => self.movement.let_go(),
+            // It may have set out although it was to stand.
+            Control::Own if self.is_held_back() => self.stop(now, out),
+            Control::Own => self.movement.let_go(),
             Control::Ours => {}
             Control::Silent => self.report_silence(now, out),
         }
@@ -242,7 +253,7 @@ impl Vehicle {
         let is_answer =
             self.reports.is_answer(now, self.settings.boot, order.seen, self.orders.answers_from());
         let is_own = order.vehicle == self.settings.vehicle;
-        if !is_own || !self.orders.accepts(&order, is_answer) || !self.may_begin(now, sender, order.kind) {
+        if !is_own || !self.orders.accepts(&order, is_answer) || !self.may_begin(now, sender, &order) {
             return;
         }
         if self.orders.awaits_disk(&order) {
@@ -264,22 +275,27 @@ impl Vehicle {
         let Some((order, motors)) = self.orders.obey(now, is_answer) else { return };
         if order.kind == OrderKind::Start {
             self.emergency.start();
+            out.extend(self.take_over.end().then_some(Out::Fly(Fly::TakeBack)));
         }
         out.extend(motors.map(Out::Fly));
         out.push(Out::Order(order));
     }
 
-    /// Returns whether an order may send the vehicle out, if that is what it does: no emergency stop stands in the way, and
-    /// it has listened long enough.
-    fn may_begin(&mut self, now: Time, sender: Sender, kind: OrderKind) -> bool {
-        match kind {
+    /// Returns whether an order may send the vehicle out, if that is what it does: neither an emergency stop nor somebody
+    /// who has taken over stands in the way, and it has listened long enough.
+    fn may_begin(&mut self, now: Time, sender: Sender, order: &Order) -> bool {
+        match order.kind {
             OrderKind::Hold | OrderKind::Land | OrderKind::CutMotors => true,
             OrderKind::Return => {
-                !self.emergency.stands() && self.readiness.look(now, self.settings.listens_for, &self.peers)
+                !self.emergency.stands()
+                    && !self.take_over.stands()
+                    && self.readiness.look(now, self.settings.listens_for, &self.peers)
             }
             OrderKind::Start => {
                 let is_of_operator = matches!(sender, Sender::Operator(_));
+                let Settings { vehicle, boot, .. } = self.settings;
                 self.emergency.lets_start(is_of_operator)
+                    && self.take_over.lets_start(sender, order, vehicle, boot)
                     && self.readiness.look(now, self.settings.listens_for, &self.peers)
             }
         }
@@ -294,6 +310,11 @@ impl Vehicle {
         } else if was_stopped && self.emergency.stop().is_none() {
             self.orders.answer_from(now);
         }
+    }
+
+    /// Returns whether an emergency stop or an order holds it back.
+    fn is_held_back(&self) -> bool {
+        self.emergency.stands() || self.orders.restraint().refusal().is_some()
     }
 
     fn stop(&mut self, now: Time, out: &mut Vec<Out>) {

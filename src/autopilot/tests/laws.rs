@@ -56,6 +56,7 @@ fn any_want() -> impl Strategy<Value = Happening> {
         2 => Just(Fly::Turn(Angle::default())),
         3 => Just(Fly::Stop),
         3 => Just(Fly::Arm),
+        3 => Just(Fly::TakeBack),
         2 => Just(Fly::Disarm),
     ]
     .prop_map(Happening::Want)
@@ -192,6 +193,8 @@ enum Mistake {
     Forces,
     /// The mode is taken back from a person.
     FightsTakeOver,
+    /// A start takes it back from whoever steers, though it names no take-over.
+    StartTakesBack,
     /// Any mode that was not just asked for is a take-over.
     OldModeIsTakeOver,
     /// What was not answered is said for ever.
@@ -215,6 +218,8 @@ struct Witness {
     control: Control,
     /// A person steers, heard or not.
     is_remote: bool,
+    /// Somebody else steers, heard or not.
+    is_taken: bool,
     last_report: Option<Report>,
     /// The vehicle wants to move since then, and has not stopped since.
     wants_to_move: Option<Time>,
@@ -253,6 +258,7 @@ impl Witness {
             report_due: Time::ZERO,
             control: Control::Ours,
             is_remote: false,
+            is_taken: false,
             last_report: None,
             wants_to_move: None,
             wants_to_stop: false,
@@ -359,18 +365,20 @@ impl Witness {
                 (self.wants_to_move, self.wants_to_stop) = (None, true);
                 (self.may_stop, self.arming_waits) = (true, true);
             }
+            // It is for nobody who has been taken over.
+            Fly::Arm if self.is_taken => {}
             Fly::Arm => {
                 (self.wants_to_disarm, self.wants_to_arm) = (None, true);
                 (self.arm_tries, self.was_armed, self.arming_waits) = (0, false, false);
                 self.arm_numbers.clear();
-                // A start after a take-over begins anew.
-                if self.is_remote || self.control == Control::Own {
-                    self.wants_to_stop = false;
-                }
-                if self.control != Control::Silent {
+            }
+            Fly::TakeBack => {
+                if self.is_taken && self.control != Control::Silent {
                     self.control = Control::Ours;
                 }
-                self.is_remote = false;
+                // What was wanted of one that somebody else steers is not wanted any more.
+                self.wants_to_stop &= !self.is_taken;
+                (self.is_remote, self.is_taken) = (false, false);
             }
             Fly::Disarm => {
                 (self.wants_to_move, self.wants_to_arm) = (None, false);
@@ -407,6 +415,7 @@ impl Witness {
                 Out::Status(status) => {
                     if matches!(status.control, Control::Remote | Control::Own) {
                         self.taken_over += 1;
+                        self.is_taken = true;
                         (self.wants_to_move, self.wants_to_stop, self.wants_to_arm) = (None, false, false);
                         self.ordinary = None;
                     }
@@ -446,6 +455,7 @@ impl Witness {
         match command {
             Command::Arm { force } => {
                 assert!(!force, "arming is forced");
+                assert!(!self.is_taken, "it is armed against who steers");
                 self.arm_tries += 1;
                 assert!(self.wants_to_arm && self.arm_tries <= 3, "try {} to arm", self.arm_tries);
                 assert!(!self.was_armed, "it was armed, and is armed again");
@@ -543,6 +553,9 @@ impl Witness {
                     *force = true;
                 }
             }),
+            Mistake::StartTakesBack if self.is_taken && is_report => {
+                out.push(say(9999, Command::Arm { force: false }));
+            }
             Mistake::FightsTakeOver if self.is_remote => {
                 out.push(say(9999, Command::Mode(Mode::Guided)));
             }
@@ -571,6 +584,7 @@ impl Witness {
             | Mistake::ArmsForEver
             | Mistake::OverrulesHands
             | Mistake::FightsTakeOver
+            | Mistake::StartTakesBack
             | Mistake::SaysForEver => {}
         }
     }
@@ -616,6 +630,10 @@ proptest! {
         witness.line = (0, 0, Duration::ZERO, false);
         witness.see(Duration::from_millis(100), &Happening::Want(Fly::Arm));
         witness.go_on_until(witness.now + Duration::from_secs(5));
+        prop_assert_eq!((witness.model.mode, witness.control), (mode, Control::Remote));
+        witness.see(Duration::from_millis(100), &Happening::Want(Fly::TakeBack));
+        witness.see(Duration::ZERO, &Happening::Want(Fly::Arm));
+        witness.go_on_until(witness.now + Duration::from_secs(5));
         prop_assert_eq!((witness.model.mode, witness.control), (Mode::Guided, Control::Ours));
     }
 }
@@ -631,6 +649,7 @@ fn every_mistake_that_is_planted_is_noticed() {
         Mistake::OverrulesHands,
         Mistake::Forces,
         Mistake::FightsTakeOver,
+        Mistake::StartTakesBack,
         Mistake::SaysForEver,
         Mistake::DisarmIsSaidOnce,
     ];

@@ -4,7 +4,8 @@ use tomoswarm_proto::Control;
 
 use super::super::link::{AutopilotLink, In, Out, Reason, Remark};
 use super::super::{
-    Ack, ArmRefusal, Command, CommandAck, Errand, Fly, Kind, Mode, Motion, Report, Settings, SystemStatus,
+    Ack, ArmRefusal, Command, CommandAck, Errand, Fly, Kind, Mode, Motion, Report, Settings, Status,
+    SystemStatus,
 };
 use crate::actor::Actor;
 use crate::geom::{Angle, Point, Pose};
@@ -182,7 +183,7 @@ fn one_that_stands_in_its_mode_is_not_told_to_stand_and_changes_it_to_drive() {
 }
 
 #[test]
-fn one_that_somebody_steers_when_it_is_first_heard_is_left_alone_until_a_start() {
+fn one_that_somebody_steers_when_it_is_first_heard_is_left_alone_until_it_is_taken_back() {
     for (mode, status, expected) in [
         (Mode::Manual, SystemStatus::Active, Control::Remote),
         (Mode::Auto, SystemStatus::Active, Control::Remote),
@@ -195,12 +196,14 @@ fn one_that_somebody_steers_when_it_is_first_heard_is_left_alone_until_a_start()
             Some(expected)
         );
         assert_eq!(wanted(&mut rover, 1.1, drive()), []);
-        assert_eq!(wanted(&mut rover, 1.2, Fly::Arm), [GUIDED]);
+        assert_eq!(wanted(&mut rover, 1.2, Fly::Arm), []);
+        assert_eq!(wanted(&mut rover, 1.3, Fly::TakeBack), []);
+        assert_eq!(wanted(&mut rover, 1.3, Fly::Arm), [GUIDED]);
     }
 }
 
 #[test]
-fn a_person_who_takes_over_is_left_alone_until_a_start() {
+fn a_person_who_takes_over_is_left_alone_until_that_is_taken_back() {
     let mut rover = link(Kind::Rover, report());
     wanted(&mut rover, 1.1, drive());
     let manual = Report { mode: Mode::Manual, motion: Motion::Driving, ..report() };
@@ -211,8 +214,9 @@ fn a_person_who_takes_over_is_left_alone_until_a_start() {
     }
     assert_eq!(commands(&told(&mut rover, 2.0, In::Report(manual))), []);
     assert_eq!(wanted(&mut rover, 2.1, Fly::Disarm), [Command::Disarm { force: false }], "the motors alone");
-    let out = told(&mut rover, 2.2, In::Fly(Fly::Arm));
-    assert_eq!((commands(&out), control(&out)), (vec![GUIDED], Some(Control::Ours)));
+    assert_eq!(told(&mut rover, 2.15, In::Fly(Fly::Arm)), [], "a start that does not name it");
+    assert_eq!(told(&mut rover, 2.2, In::Fly(Fly::TakeBack)), [Out::Status(Status::default())]);
+    assert_eq!(wanted(&mut rover, 2.2, Fly::Arm), [GUIDED]);
     let out = told(&mut rover, 2.3, In::Report(report()));
     assert_eq!(control(&out), None);
 }

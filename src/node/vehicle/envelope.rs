@@ -3,7 +3,7 @@
 
 use std::time::Duration;
 
-use tomoswarm_proto::{Control, VehicleId};
+use tomoswarm_proto::VehicleId;
 
 use super::words::{Command, Refusal, Remark};
 use super::{Out, Vehicle};
@@ -40,9 +40,8 @@ impl Vehicle {
         if route.is_some() && self.settings.look.is_blind {
             return Err(Refusal::Blind);
         }
-        match self.autopilot.control {
-            Control::Remote | Control::Own => return Err(Refusal::NotInControl),
-            Control::Ours | Control::Silent => {}
+        if self.take_over.stands() {
+            return Err(Refusal::NotInControl);
         }
         let telemetry = self.telemetry.fresh(now).ok_or(Refusal::NoPose)?;
         if telemetry.pose.sd_m > self.settings.swarm.pose_sd_max_m {

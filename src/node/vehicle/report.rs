@@ -144,8 +144,8 @@ impl Vehicle {
         match self.orders.restraint() {
             _ if self.emergency.stands() => Some(StandReason::Held),
             Restraint::Held | Restraint::Landing(_) | Restraint::MotorsCut(_) => Some(StandReason::Held),
-            Restraint::Free if self.autopilot.control == Control::Remote => Some(StandReason::Remote),
-            Restraint::Free if self.autopilot.control != Control::Ours => Some(StandReason::Autopilot),
+            Restraint::Free if self.take_over.stands() => self.take_over.reason(),
+            Restraint::Free if self.autopilot.control == Control::Silent => Some(StandReason::Autopilot),
             Restraint::Free if own.pose.sd_m > self.settings.swarm.pose_sd_max_m => {
                 Some(StandReason::NoPlace)
             }

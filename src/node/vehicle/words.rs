@@ -84,6 +84,6 @@ pub enum Refusal {
     Held,
     /// There is no range sensor.
     Blind,
-    /// A person steers by remote control, or the autopilot by itself, until a start.
+    /// A person steers by remote control, or the autopilot by itself, until an operator's start that names it.
     NotInControl,
 }

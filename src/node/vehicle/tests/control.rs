@@ -1,6 +1,6 @@
 //! What the vehicle makes of somebody else who steers, and of an autopilot that has fallen silent.
 
-use tomoswarm_proto::Control;
+use tomoswarm_proto::{Control, EmergencyName};
 
 use super::*;
 
@@ -25,8 +25,60 @@ fn what_somebody_else_steers_drives_nothing_claims_nothing_and_says_so_at_once()
         assert_eq!(published(&out), Some((control, Some(reason), false)), "not 0.2 s after the last one");
         let out = told(&mut vehicle, 1.2, drive(&[(0.1, 0.0), (3.0, 0.0)]));
         assert_eq!((flies(&out), refusal(&out)), (false, Some(Refusal::NotInControl)));
+        let start = names_it(start(&vehicle, 1));
+        assert_eq!(flown(&told(&mut vehicle, 1.3, given(start))), [Fly::TakeBack, Fly::Arm]);
         told(&mut vehicle, 1.3, steered(Control::Ours));
         assert!(flies(&told(&mut vehicle, 1.4, drive(&[(0.1, 0.0), (3.0, 0.0)]))));
+    }
+}
+
+/// A start that answers the newest state.
+fn start(vehicle: &Vehicle, revision: u32) -> Order {
+    order(OrderKind::Start, LEASE, revision, vehicle.reports.sequence())
+}
+
+/// The same order, which names the take-over.
+fn names_it(order: Order) -> Order {
+    Order { ends: vec![EmergencyName::of_take_over(VehicleId(1), Boot(1))], ..order }
+}
+
+#[test]
+fn a_take_over_ends_only_by_an_operators_start_that_names_it_and_answers_a_later_state() {
+    let mut vehicle = vehicle();
+    let before = names_it(start(&vehicle, 1));
+    told(&mut vehicle, 1.2, steered(Control::Remote));
+    told(&mut vehicle, 1.3, telemetry(0.0, 0.0, 0.05));
+    let after = start(&vehicle, 1);
+    let of_another_start = vec![EmergencyName::of_take_over(VehicleId(1), Boot(2))];
+    for (sender, order, why) in [
+        (Sender::Operator(OperatorId(1)), before, "it answers a state of before"),
+        (Sender::Operator(OperatorId(1)), after.clone(), "it names nothing"),
+        (Sender::Operator(OperatorId(1)), Order { ends: of_another_start, ..after.clone() }, "another one"),
+        (Sender::Ground, names_it(after.clone()), "the ground ends nothing"),
+        (Sender::Operator(OperatorId(1)), Order { kind: OrderKind::Return, ..after.clone() }, "no start"),
+    ] {
+        assert_eq!(told(&mut vehicle, 1.4, In::Order(sender, order)), [], "{why}");
+    }
+    // One that has fallen silent is still taken over.
+    told(&mut vehicle, 1.45, steered(Control::Silent));
+    assert_eq!(told(&mut vehicle, 1.5, In::Order(Sender::Ground, after.clone())), []);
+    assert_eq!(flown(&told(&mut vehicle, 1.6, given(names_it(after)))), [Fly::TakeBack, Fly::Arm]);
+    let next = Order { revision: Revision(2), ..start(&vehicle, 2) };
+    assert_eq!(flown(&told(&mut vehicle, 1.7, given(next))), [Fly::Arm], "it is over");
+}
+
+#[test]
+fn an_autopilot_that_acts_by_itself_is_stopped_where_the_vehicle_is_to_stand() {
+    for (control, stops) in [(Control::Own, true), (Control::Remote, false)] {
+        let mut vehicle = vehicle();
+        told(&mut vehicle, 1.1, given(order(OrderKind::Hold, LEASE, 1, 1)));
+        assert_eq!(
+            flown(&told(&mut vehicle, 1.2, steered(control))).contains(&Fly::Stop),
+            stops,
+            "{control:?}"
+        );
+        let out = told(&mut vehicle, 1.6, moving(0.1, 0.5, true));
+        assert_eq!(flown(&out).contains(&Fly::Stop), stops, "again while it moves");
     }
 }
 
