@@ -76,12 +76,12 @@ pub enum Remark {
     /// The autopilot has taken this mode by itself.
     ActsByItself(Mode),
     /// The autopilot does not do what it was told.
-    GivenUp(Errand, Reason),
+    GivenUp(Purpose, Reason),
 }
 
 /// What a command that waits for its answer is for.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize)]
-pub enum Errand {
+pub enum Purpose {
     /// The mode in which the autopilot goes where it is told.
     ChangeMode,
     /// Current for the motors.
@@ -113,7 +113,7 @@ pub enum Reason {
 /// A command that waits for its answer.
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
 struct Pending {
-    errand: Errand,
+    purpose: Purpose,
     sent: NumberedCommand,
     said: Time,
     tries: u8,
@@ -121,9 +121,9 @@ struct Pending {
 
 impl Pending {
     fn due(&self) -> Time {
-        match self.errand {
-            Errand::Arm => self.said + ARM_AGAIN,
-            Errand::ChangeMode | Errand::Move => self.said + SAY_AGAIN,
+        match self.purpose {
+            Purpose::Arm => self.said + ARM_AGAIN,
+            Purpose::ChangeMode | Purpose::Move => self.said + SAY_AGAIN,
         }
     }
 }
@@ -173,7 +173,7 @@ impl AutopilotLink {
                 }
             }
             Fly::Stop => {
-                self.pending.take_if(|pending| pending.errand != Errand::ChangeMode);
+                self.pending.take_if(|pending| pending.purpose != Purpose::ChangeMode);
                 self.motors.postpone();
                 match self.steering {
                     Steering::Ours(_) | Steering::Own => self.movement.stop(now, SAY_AGAIN),
@@ -185,7 +185,7 @@ impl AutopilotLink {
             Fly::Arm if !self.steering.is_ours() => {}
             Fly::Arm => {
                 // A change of mode that waits for its answer serves the start as well.
-                self.pending.take_if(|pending| pending.errand != Errand::ChangeMode);
+                self.pending.take_if(|pending| pending.purpose != Purpose::ChangeMode);
                 self.motors.start(now);
             }
             Fly::Disarm => {
@@ -225,12 +225,12 @@ impl AutopilotLink {
         // To whichever try: one that was accepted late was accepted.
         self.motors.arm_answered(now, &ack);
         let Some(pending) = self.pending.take_if(|pending| pending.sent.number == ack.number) else { return };
-        match (pending.errand, ack.result) {
-            (Errand::Arm, _) => {}
-            (Errand::ChangeMode, CommandAck::Accepted) => self.steering.change_accepted(),
-            (Errand::Move, CommandAck::Accepted) => self.movement.give_up_waiting(),
-            (errand @ (Errand::ChangeMode | Errand::Move), refused) => {
-                self.give_up(now, errand, Reason::Refused(refused), out);
+        match (pending.purpose, ack.result) {
+            (Purpose::Arm, _) => {}
+            (Purpose::ChangeMode, CommandAck::Accepted) => self.steering.change_accepted(),
+            (Purpose::Move, CommandAck::Accepted) => self.movement.give_up_waiting(),
+            (purpose @ (Purpose::ChangeMode | Purpose::Move), refused) => {
+                self.give_up(now, purpose, Reason::Refused(refused), out);
             }
         }
     }
@@ -310,16 +310,18 @@ impl AutopilotLink {
     /// Says again what was not answered, or gives it up.
     fn see_through(&mut self, now: Time, out: &mut Vec<Out>) {
         let Some(pending) = self.pending.take_if(|pending| pending.due() <= now) else { return };
-        match pending.errand {
+        match pending.purpose {
             // Each try to arm is counted on its own.
-            Errand::Arm => {}
-            Errand::Move if self.movement.waits_until().is_none_or(|until| until <= now) => {
-                self.give_up(now, Errand::Move, Reason::TooLate, out);
+            Purpose::Arm => {}
+            Purpose::Move if self.movement.waits_until().is_none_or(|until| until <= now) => {
+                self.give_up(now, Purpose::Move, Reason::TooLate, out);
             }
-            Errand::ChangeMode | Errand::Move if pending.tries < TRIES => {
-                self.send(now, pending.errand, pending.sent, pending.tries + 1, out);
+            Purpose::ChangeMode | Purpose::Move if pending.tries < TRIES => {
+                self.send(now, pending.purpose, pending.sent, pending.tries + 1, out);
             }
-            errand @ (Errand::ChangeMode | Errand::Move) => self.give_up(now, errand, Reason::NotDone, out),
+            purpose @ (Purpose::ChangeMode | Purpose::Move) => {
+                self.give_up(now, purpose, Reason::NotDone, out)
+            }
         }
     }
 
@@ -337,12 +339,12 @@ impl AutopilotLink {
         self.give_up_when_late(now, out);
         let Movement::Waiting { fly, .. } = &self.movement else { return };
         if !self.has_current() {
-            self.give_up(now, Errand::Move, Reason::NotArmed, out);
+            self.give_up(now, Purpose::Move, Reason::NotArmed, out);
         } else if self.steering.own_mode() != Some(Mode::Guided) {
             self.change_mode(now, out);
         } else {
             let command = self.move_command(fly);
-            self.begin(now, Errand::Move, command, out);
+            self.begin(now, Purpose::Move, command, out);
         }
     }
 
@@ -350,7 +352,7 @@ impl AutopilotLink {
     fn arm(&mut self, now: Time, out: &mut Vec<Out>) {
         if let Some(reason) = self.motors.is_given_up(now) {
             let reason = reason.map_or(Reason::NotDone, Reason::WillNotArm);
-            self.give_up(now, Errand::Arm, reason, out);
+            self.give_up(now, Purpose::Arm, reason, out);
         } else if self.steering.own_mode() != Some(Mode::Guided) {
             self.change_mode(now, out);
         } else {
@@ -359,19 +361,19 @@ impl AutopilotLink {
                 let fresh = self.next_number();
                 let number = self.motors.tried(now, fresh);
                 let sent = NumberedCommand { number, command: Command::Arm { force: false } };
-                self.send(now, Errand::Arm, sent, 1, out);
+                self.send(now, Purpose::Arm, sent, 1, out);
             }
         }
     }
 
     fn give_up_when_late(&mut self, now: Time, out: &mut Vec<Out>) {
         if self.movement.waits_until().is_some_and(|until| until <= now) {
-            self.give_up(now, Errand::Move, Reason::TooLate, out);
+            self.give_up(now, Purpose::Move, Reason::TooLate, out);
         }
     }
 
     fn change_mode(&mut self, now: Time, out: &mut Vec<Out>) {
-        self.begin(now, Errand::ChangeMode, Command::Mode(Mode::Guided), out);
+        self.begin(now, Purpose::ChangeMode, Command::Mode(Mode::Guided), out);
     }
 
     fn move_command(&self, fly: &Fly) -> Command {
@@ -392,36 +394,36 @@ impl AutopilotLink {
         }
     }
 
-    fn give_up(&mut self, now: Time, errand: Errand, reason: Reason, out: &mut Vec<Out>) {
-        match errand {
-            Errand::ChangeMode => {
+    fn give_up(&mut self, now: Time, purpose: Purpose, reason: Reason, out: &mut Vec<Out>) {
+        match purpose {
+            Purpose::ChangeMode => {
                 self.steering.change_given_up(self.shown_mode());
                 if matches!(self.motors, Motors::Arming(_)) {
                     self.motors = Motors::GivenUp;
                 }
                 self.movement.give_up_waiting();
             }
-            Errand::Arm => self.motors = Motors::GivenUp,
-            Errand::Move => self.movement.give_up_waiting(),
+            Purpose::Arm => self.motors = Motors::GivenUp,
+            Purpose::Move => self.movement.give_up_waiting(),
         }
         // A vehicle that may not move tries again and again.
-        let remark = Remark::GivenUp(errand, reason);
+        let remark = Remark::GivenUp(purpose, reason);
         let was_said = |(at, said)| said == remark && now.since(at) < REMARK_AGAIN;
-        if errand != Errand::Move || !self.remarked.is_some_and(was_said) {
+        if purpose != Purpose::Move || !self.remarked.is_some_and(was_said) {
             self.remarked = Some((now, remark));
             out.push(Out::Remark(remark));
         }
     }
 
-    fn begin(&mut self, now: Time, errand: Errand, command: Command, out: &mut Vec<Out>) {
+    fn begin(&mut self, now: Time, purpose: Purpose, command: Command, out: &mut Vec<Out>) {
         let number = self.next_number();
-        self.send(now, errand, NumberedCommand { number, command }, 1, out);
+        self.send(now, purpose, NumberedCommand { number, command }, 1, out);
     }
 
-    fn send(&mut self, now: Time, errand: Errand, sent: NumberedCommand, tries: u8, out: &mut Vec<Out>) {
+    fn send(&mut self, now: Time, purpose: Purpose, sent: NumberedCommand, tries: u8, out: &mut Vec<Out>) {
         self.note_mode(now, &sent.command);
         out.push(Out::Command(sent.clone()));
-        self.pending = Some(Pending { errand, sent, said: now, tries });
+        self.pending = Some(Pending { purpose, sent, said: now, tries });
     }
 
     /// Says a command that waits for no answer; returns its number.
@@ -445,14 +447,14 @@ impl AutopilotLink {
 
     /// Forgets what waits for its answer; a change of mode may take place, or not.
     fn drop_pending(&mut self) {
-        if self.pending.take().is_some_and(|pending| pending.errand == Errand::ChangeMode) {
+        if self.pending.take().is_some_and(|pending| pending.purpose == Purpose::ChangeMode) {
             self.steering.change_given_up(self.shown_mode());
         }
     }
 
     /// Forgets a drive or a turn that waits for its answer.
     fn drop_pending_move(&mut self) {
-        self.pending.take_if(|pending| pending.errand == Errand::Move);
+        self.pending.take_if(|pending| pending.purpose == Purpose::Move);
     }
 
     fn say_status(&mut self, out: &mut Vec<Out>) {

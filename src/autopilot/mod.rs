@@ -21,7 +21,7 @@ mod tests;
 pub use command::{Ack, ArmRefusal, Command, CommandAck, Kind, Mode, NumberedCommand};
 pub use fly::Fly;
 pub use item::Item;
-pub use link::{AutopilotLink, Errand, Reason, Remark};
+pub use link::{AutopilotLink, Purpose, Reason, Remark};
 pub use report::{Motion, Report, Status, SystemStatus, Telemetry};
 
 use serde::{Deserialize, Serialize};

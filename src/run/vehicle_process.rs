@@ -24,7 +24,7 @@ use super::node_threads::{LiveNode, Threads};
 use super::process::{Finish, Process};
 use super::state_dir::{StateDir, StateDirError};
 use super::trust::TrustError;
-use crate::autopilot::{Errand, Fly, Remark, link};
+use crate::autopilot::{Fly, Purpose, Remark, link};
 use crate::config::{Record, VehicleFile};
 use crate::geom::Lattice;
 use crate::node::outbox::Tally;
@@ -149,7 +149,7 @@ impl Edge {
                 self.mouth.publish(message);
             }
             Effect::Note(note) => {
-                if let Note::Autopilot(Remark::GivenUp(Errand::Arm, reason)) = note {
+                if let Note::Autopilot(Remark::GivenUp(Purpose::Arm, reason)) = note {
                     lock(&self.last).not_armed = Some(reason.to_string());
                 }
                 tracing::info!("{note:?}");

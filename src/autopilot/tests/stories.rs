@@ -4,7 +4,7 @@ use tomoswarm_proto::Control;
 
 use super::super::link::{AutopilotLink, In, Out, Reason, Remark};
 use super::super::{
-    Ack, ArmRefusal, Command, CommandAck, Errand, Fly, Kind, Mode, Motion, Report, Settings, Status,
+    Ack, ArmRefusal, Command, CommandAck, Fly, Kind, Mode, Motion, Purpose, Report, Settings, Status,
     SystemStatus,
 };
 use crate::actor::Actor;
@@ -112,9 +112,9 @@ fn arming_is_tried_three_times_and_given_up_with_its_reason() {
     }
     assert_eq!(commands(&out), [ARM, ARM, ARM]);
     let reason = Reason::WillNotArm(ArmRefusal::NoPlace);
-    assert_eq!(remark(&out), Some(Remark::GivenUp(Errand::Arm, reason)));
+    assert_eq!(remark(&out), Some(Remark::GivenUp(Purpose::Arm, reason)));
     let out = told(&mut rover, 6.1, In::Fly(drive()));
-    assert_eq!(out, [Out::Remark(Remark::GivenUp(Errand::Move, Reason::NotArmed))]);
+    assert_eq!(out, [Out::Remark(Remark::GivenUp(Purpose::Move, Reason::NotArmed))]);
     assert_eq!(told(&mut rover, 6.15, In::Fly(drive())), [], "said once");
     assert_eq!(wanted(&mut rover, 6.2, Fly::Arm), [ARM], "another start");
 }

@@ -5,9 +5,11 @@
 //! ```text
 //!   [NotTaken] ──Remote──► [ByRemote] ──an operator's start that names it──► [NotTaken]
 //!   [NotTaken] ──Own─────► [ByItself] ──the same──► [NotTaken]
+//!   [ByItself] ──Remote──► [ByRemote]
 //! ```
 //!
-//! A silent autopilot ends nothing: what was begun before the silence is still so. The name is that of the vehicle and the
+//! That it is ours again the link says only after it was told to take it back: whatever of before was still on its way then
+//! is over. A silent autopilot ends nothing: what was begun before the silence is still so. The name is that of the vehicle and the
 //! start of its software ([`EmergencyName::of_take_over`]); which take-over of several is meant is said by the state that the
 //! start answers, which must be one of after it began.
 
@@ -33,11 +35,12 @@ impl TakeOver {
         match (before, control) {
             (TakeOver::NotTaken | TakeOver::ByItself, Control::Remote) => *self = TakeOver::ByRemote,
             (TakeOver::NotTaken, Control::Own) => *self = TakeOver::ByItself,
+            (_, Control::Ours) => *self = TakeOver::NotTaken,
             (TakeOver::ByRemote | TakeOver::ByItself, Control::Own)
             | (TakeOver::ByRemote, Control::Remote)
-            | (_, Control::Ours | Control::Silent) => {}
+            | (_, Control::Silent) => {}
         }
-        *self != before
+        *self != before && self.stands()
     }
 
     /// Takes a start that is obeyed; returns whether it ends a take-over.
@@ -73,16 +76,17 @@ mod tests {
     use TakeOver::{ByItself, ByRemote, NotTaken};
 
     #[test]
-    fn who_steers_leads_where_the_drawing_says_and_never_back() {
+    fn who_steers_leads_where_the_drawing_says_and_silence_nowhere() {
         let controls = [Control::Ours, Control::Remote, Control::Own, Control::Silent];
         for (from, to) in [
             (NotTaken, [NotTaken, ByRemote, ByItself, NotTaken]),
-            (ByRemote, [ByRemote, ByRemote, ByRemote, ByRemote]),
-            (ByItself, [ByItself, ByRemote, ByItself, ByItself]),
+            (ByRemote, [NotTaken, ByRemote, ByRemote, ByRemote]),
+            (ByItself, [NotTaken, ByRemote, ByItself, ByItself]),
         ] {
             for (control, to) in controls.into_iter().zip(to) {
                 let mut take_over = from;
-                assert_eq!((take_over.take(control), take_over), (from != to, to), "{from:?} by {control:?}");
+                let is_new = from != to && to != NotTaken;
+                assert_eq!((take_over.take(control), take_over), (is_new, to), "{from:?} by {control:?}");
             }
             let mut take_over = from;
             assert_eq!((take_over.end(), take_over), (from != NotTaken, NotTaken));

@@ -3,7 +3,7 @@
 use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
-use tomoswarm_proto::{Control, EmergencyName, Lease, Ordered, Revision, StandReason, State};
+use tomoswarm_proto::{Control, EmergencyName, Lease, Ordered, Revision, State};
 
 use crate::operator::outcome::VehicleOutcome;
 use crate::time::Time;
@@ -36,10 +36,9 @@ pub(super) struct Delivery {
 /// Returns the name of the take-over that a vehicle's state shows.
 pub(super) fn take_over_of(state: &State) -> Option<EmergencyName> {
     let is_steered = match state.control {
-        Control::Remote | Control::Own => true,
         // Somebody may have taken over before the autopilot fell silent.
-        Control::Silent => true,
-        Control::Ours => state.stands_under == Some(StandReason::Remote),
+        Control::Remote | Control::Own | Control::Silent => true,
+        Control::Ours => false,
     };
     is_steered.then(|| EmergencyName::of_take_over(state.vehicle, state.boot))
 }

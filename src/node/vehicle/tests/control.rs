@@ -68,6 +68,22 @@ fn a_take_over_ends_only_by_an_operators_start_that_names_it_and_answers_a_later
 }
 
 #[test]
+fn what_was_on_its_way_before_it_was_taken_back_does_not_keep_it() {
+    let mut vehicle = vehicle();
+    for control in [Control::Remote, Control::Silent] {
+        told(&mut vehicle, 1.1, steered(control));
+    }
+    told(&mut vehicle, 1.2, telemetry(0.0, 0.0, 0.05));
+    let start = names_it(start(&vehicle, 1));
+    assert!(flown(&told(&mut vehicle, 1.3, given(start))).contains(&Fly::TakeBack));
+    // The autopilot was heard again just before that, and the link's answer to it comes after.
+    for control in [Control::Remote, Control::Ours] {
+        told(&mut vehicle, 1.3, steered(control));
+    }
+    assert!(flies(&told(&mut vehicle, 1.4, drive(&[(0.0, 0.0), (3.0, 0.0)]))));
+}
+
+#[test]
 fn an_autopilot_that_acts_by_itself_is_stopped_where_the_vehicle_is_to_stand() {
     for (control, stops) in [(Control::Own, true), (Control::Remote, false)] {
         let mut vehicle = vehicle();

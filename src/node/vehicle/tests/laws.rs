@@ -391,6 +391,8 @@ impl Witness {
     fn check_steered(&mut self, control: Control, out: &[Out]) {
         let is_banned = self.ban != Ban::None || self.stopped != Stopped::No;
         assert_eq!(stops(out), control == Control::Own && is_banned, "{control:?}");
+        // The link says so only when it was told to take it back.
+        self.is_taken &= control != Control::Ours;
         if matches!(control, Control::Remote | Control::Own) {
             self.stop_said = None;
             if !std::mem::replace(&mut self.is_taken, true) {
