@@ -6,7 +6,7 @@
 //! | --- | --- | --- |
 //! | L0 | [`time`], [`geom`] | values |
 //! | L1 | [`map`], [`plan`], [`tomo`], [`sweep`], [`scene`], [`config`], [`draw`] | pure functions and values |
-//! | L2 | [`actor`], [`stops`], [`node`], [`ground`], [`operator`], [`exchange`], [`hw`] | state machines without I/O |
+//! | L2 | [`actor`], [`stops`], [`autopilot`], [`node`], [`ground`], [`operator`], [`exchange`], [`hw`] | state machines without I/O |
 //! | L3 | [`sim`] | the world in virtual time |
 //! | L3 | `run`, `store` (feature `net`) | live processes over zenoh, and what outlives them |
 //! | top | [`cli`] | files, terminal, assembly |
@@ -14,6 +14,7 @@
 #![warn(missing_docs)]
 
 pub mod actor;
+pub mod autopilot;
 pub mod cli;
 pub mod config;
 pub mod draw;

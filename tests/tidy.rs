@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 
 const L0: &[&str] = &["time", "geom"];
 const L1: &[&str] = &["map", "plan", "tomo", "sweep", "scene", "config", "draw"];
-const L2: &[&str] = &["actor", "stops", "node", "ground", "operator", "exchange", "hw"];
+const L2: &[&str] = &["actor", "stops", "autopilot", "node", "ground", "operator", "exchange", "hw"];
 
 /// Which modules a module may use beside itself; `None` for one that is not in the table.
 fn may_use(module: &str) -> Option<Vec<&'static str>> {
@@ -20,8 +20,8 @@ fn may_use(module: &str) -> Option<Vec<&'static str>> {
         "config" => joined(&[L0, &["map", "plan"]]),
         "draw" => joined(&[L0, &["tomo", "map", "scene"]]),
         "actor" => joined(&[L0, L1]),
-        "stops" => joined(&[L0, &["actor"]]),
-        "node" => joined(&[L0, L1, &["actor", "stops"]]),
+        "stops" | "autopilot" => joined(&[L0, &["actor"]]),
+        "node" => joined(&[L0, L1, &["actor", "stops", "autopilot"]]),
         "ground" => joined(&[L0, L1, &["actor", "stops", "node"]]),
         "exchange" => joined(&[L0]),
         "hw" => joined(&[L0, &["config", "node"]]),

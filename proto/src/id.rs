@@ -79,6 +79,14 @@ impl EmergencyName {
         EmergencyName(name.0 % EmergencyName::LOWEST_DRAWN)
     }
 
+    /// Returns the name by which a start ends what somebody else has begun with a vehicle, by remote control or the
+    /// autopilot by itself, under this start of its software. No node opens a stop of that name: a vehicle whose state says
+    /// that somebody else steers is known to stand under it.
+    pub const fn of_take_over(vehicle: VehicleId, boot: Boot) -> EmergencyName {
+        let mixed = (boot.0 ^ (vehicle.0 as u32).rotate_right(8)).wrapping_mul(0x9E37_79B1);
+        EmergencyName(mixed | EmergencyName::LOWEST_DRAWN)
+    }
+
     /// Returns whether it stands for more stops than a node names one by one.
     pub const fn is_many(self) -> bool {
         self.0 < EmergencyName::LOWEST_DRAWN

@@ -2,12 +2,12 @@
 
 use serde_json::{Value, json};
 use tomoswarm_proto::codec::VERSION;
-use tomoswarm_proto::{OperatorId, PoseReport, Progress, Report, State, StopId, VehicleId};
+use tomoswarm_proto::{Control, OperatorId, PoseReport, Progress, Report, State, StopId, VehicleId};
 
 use super::table::table;
 use crate::geom::Vector;
 use crate::operator::fleet_view::{FleetView, Fresh, VehicleView};
-use crate::operator::names::{kind_name, listed, mode, ordered, phase, troubles};
+use crate::operator::names::{control, kind_name, listed, mode, ordered, phase, troubles};
 use crate::operator::status::Expected;
 use crate::time::Time;
 
@@ -37,6 +37,12 @@ pub fn text(view: &FleetView, expected: &Expected, now: Time, columns: Option<us
         vehicles.iter().map(|id| row(*id, view.vehicle(*id).unwrap_or(&nothing), now)).collect();
     let mut text =
         if rows.is_empty() { "no vehicle was heard\n".to_owned() } else { table(&HEADING, &rows, columns) };
+    for id in &vehicles {
+        let state = view.state(*id).map(|state| &state.value);
+        if let Some(state) = state.filter(|state| state.control != Control::Ours) {
+            text += &format!("control  vehicle {id}: {}\n", control(state.control));
+        }
+    }
     for stop in view.open_stops() {
         text += &format!("EMERGENCY STOP  {}\n", view.stop_in_words(&stop, &vehicles));
     }
@@ -183,6 +189,19 @@ mod tests {
                 .split_whitespace()
                 .collect::<Vec<&str>>()
         );
+    }
+
+    #[test]
+    fn who_else_steers_a_vehicle_has_a_line() {
+        let remote = State { control: Control::Remote, ..state(1) };
+        let text = text(
+            &view(vec![Message::State(remote), Message::State(state(2))]),
+            &expected(&[]),
+            at(1.0),
+            None,
+        );
+        let lines: Vec<&str> = text.lines().filter(|line| line.starts_with("control")).collect();
+        assert_eq!(lines, ["control  vehicle 1: somebody by remote control"]);
     }
 
     #[test]

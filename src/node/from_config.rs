@@ -7,7 +7,10 @@ use tomoswarm_proto::{Boot, Standing, VehicleId};
 
 use super::memory::Memory;
 use super::settings::{BodySettings, LookSettings, RadioSettings, Settings, Task};
-use crate::config::{self, Body, Look, OwnRadio, RangeDriver, Safety, Sim, VehicleFile, Venue};
+use crate::autopilot::{self, Kind};
+use crate::config::{
+    self, Body, Craft, Flight, Look, OwnRadio, RangeDriver, Safety, Sim, VehicleFile, Venue,
+};
 use crate::geom::{Angle, Lattice, Point};
 
 /// How long a search for a path takes in real time beyond the search itself, which has run by then.
@@ -26,6 +29,7 @@ impl Settings {
             safety: sim.safety,
             path_time: sim.durations.route(),
             task: task(&sim.task, vehicle, sim.vehicles.count),
+            autopilot: autopilot_settings(&sim.vehicles.flight),
         }
         .settings(vehicle, boot, home)
     }
@@ -41,6 +45,8 @@ impl Settings {
             safety: file.safety,
             path_time: PATH_TIME,
             task: task(&file.task, file.id, 1),
+            // Vehicles of their own files drive, until the file says otherwise.
+            autopilot: autopilot::Settings::default(),
         };
         let mut settings = told.settings(file.id, boot, file.home);
         settings.look.is_blind = file.drivers.range == RangeDriver::None;
@@ -57,6 +63,7 @@ struct Told<'f> {
     safety: Safety,
     path_time: Duration,
     task: Task,
+    autopilot: autopilot::Settings,
 }
 
 impl Told<'_> {
@@ -82,6 +89,7 @@ impl Told<'_> {
             safety: self.safety,
             swarm: self.venue.swarm,
             path_time: self.path_time,
+            autopilot: self.autopilot,
         }
     }
 }
@@ -112,6 +120,13 @@ fn begun_at(places: &[Point], index: usize) -> Vec<Point> {
     let mut turned: Vec<Point> = open[start..].iter().chain(&open[..start]).copied().collect();
     turned.extend(turned.first().copied().filter(|_| is_round));
     turned
+}
+
+fn autopilot_settings(flight: &Flight) -> autopilot::Settings {
+    match flight.craft {
+        Craft::Rover => autopilot::Settings::default(),
+        Craft::Copter => autopilot::Settings { kind: Kind::Copter, altitude_m: flight.altitude_m },
+    }
 }
 
 fn body_settings(body: &Body) -> BodySettings {

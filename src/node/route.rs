@@ -1,9 +1,10 @@
 //! Who hears whom inside a vehicle: the only place that knows.
 //!
 //! ```text
-//!  range driver ─Echo─► sensor ──Scan──► map ──Tiles──► mission ──Command──► vehicle ─Fly─► autopilot driver
+//!  range driver ─Echo─► sensor ──Scan──► map ──Tiles──► mission ──Command──► vehicle ──Fly──► autopilot
 //!                         └──────Scan (reflex stop)────────────────────────► vehicle
-//!  autopilot driver ─Telemetry─► vehicle ──State──► sensor, mission, radio, bus
+//!  autopilot driver ─Report, Ack─► autopilot ──Telemetry, Status──► vehicle      autopilot ──Command──► autopilot driver
+//!  vehicle ──State──► sensor, mission, radio, bus
 //!  map ──Tiles──► bus                      bus ──peers' Tiles, Digest, Want──► map
 //!  radio driver ─Heard, Unsent─► radio ──Keep──► disk ──Kept──► outbox ──Samples──► bus
 //!                                        disk ◄─Forget, Recall─ outbox      bus ──Have──► outbox
@@ -19,14 +20,17 @@ use tomoswarm_proto::{Beacon, Boot, Message, RunId, Sample, Sender, Standing};
 
 use super::memory::{Memory, Remembered};
 use super::{map, mission, outbox, radio, sensor, vehicle};
+use crate::autopilot::{self, Ack, NumberedCommand, Report, link};
 use crate::geom::Angle;
 use crate::stops;
 
 /// What reaches a vehicle from outside.
 #[derive(Clone, Debug)]
 pub enum Event {
-    /// The autopilot driver reports pose and motion.
-    Telemetry(vehicle::Telemetry),
+    /// The autopilot driver reports what the autopilot says of itself.
+    Report(Report),
+    /// The autopilot driver has the answer to a command.
+    Ack(Ack),
     /// The range driver answers a ping.
     Echo(sensor::Echo),
     /// The radio driver heard a beacon.
@@ -48,8 +52,8 @@ pub enum Event {
 /// What a vehicle wants done outside.
 #[derive(Clone, PartialEq, Debug)]
 pub enum Effect {
-    /// The autopilot shall move the vehicle.
-    Fly(vehicle::Fly),
+    /// The autopilot shall obey; the answer is an [`Event::Ack`].
+    Command(NumberedCommand),
     /// The servo shall point the range sensor, relative to the heading.
     Steer(Angle),
     /// The range sensor shall measure.
@@ -88,6 +92,8 @@ pub enum Effect {
 /// What a vehicle did or met, for logs and the operator.
 #[derive(Clone, PartialEq, Debug)]
 pub enum Note {
+    /// The autopilot does not obey, or somebody else steers.
+    Autopilot(autopilot::Remark),
     /// The reflex or the envelope of the vehicle spoke.
     Vehicle(vehicle::Remark),
     /// The mission changed what it does.
@@ -103,6 +109,8 @@ pub enum Output {
     Edge(Event),
     /// By the keeper of the emergency stops.
     Stops(stops::Out),
+    /// By the link to the autopilot.
+    Autopilot(link::Out),
     /// By the vehicle actor.
     Vehicle(vehicle::Out),
     /// By the sensor.
@@ -122,6 +130,8 @@ pub enum Output {
 pub enum Destination {
     /// To the keeper of the emergency stops.
     Stops(stops::In),
+    /// To the link to the autopilot.
+    Autopilot(link::In),
     /// To the vehicle actor.
     Vehicle(vehicle::In),
     /// To the sensor.
@@ -141,9 +151,14 @@ pub enum Destination {
 /// Says where something goes; destinations are in the order in which they are told.
 pub(crate) fn route(output: Output, to: &mut Vec<Destination>) {
     match output {
-        Output::Edge(Event::Telemetry(telemetry)) => {
-            to.push(Destination::Vehicle(vehicle::In::Telemetry(telemetry)))
-        }
+        Output::Edge(Event::Report(report)) => to.push(Destination::Autopilot(link::In::Report(report))),
+        Output::Edge(Event::Ack(ack)) => to.push(Destination::Autopilot(link::In::Ack(ack))),
+        Output::Autopilot(out) => to.push(match out {
+            link::Out::Command(command) => Destination::Edge(Effect::Command(command)),
+            link::Out::Telemetry(telemetry) => Destination::Vehicle(vehicle::In::Telemetry(telemetry)),
+            link::Out::Status(status) => Destination::Vehicle(vehicle::In::Autopilot(status)),
+            link::Out::Remark(remark) => Destination::Edge(Effect::Note(Note::Autopilot(remark))),
+        }),
         Output::Edge(Event::Echo(echo)) => to.push(Destination::Sensor(sensor::In::Echo(echo))),
         Output::Edge(Event::Heard(heard)) => to.push(Destination::Radio(radio::In::Heard(heard))),
         Output::Edge(Event::Unsent(sequence)) => to.push(Destination::Radio(radio::In::Unsent(sequence))),
@@ -249,7 +264,7 @@ fn route_stops(out: stops::Out, to: &mut Vec<Destination>) {
 
 fn route_vehicle(out: vehicle::Out, to: &mut Vec<Destination>) {
     match out {
-        vehicle::Out::Fly(fly) => to.push(Destination::Edge(Effect::Fly(fly))),
+        vehicle::Out::Fly(fly) => to.push(Destination::Autopilot(link::In::Fly(fly))),
         vehicle::Out::State(state) => {
             to.push(Destination::Sensor(sensor::In::State(state.clone())));
             to.push(Destination::Radio(radio::In::State(state.clone())));

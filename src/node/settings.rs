@@ -6,6 +6,7 @@ use serde::{Deserialize, Serialize};
 use tomoswarm_proto::{Boot, Standing, VehicleId};
 
 use super::memory::Memory;
+use crate::autopilot;
 use crate::config::{Safety, Swarm};
 use crate::geom::{Angle, Lattice, Point, Polygon};
 use crate::plan::Mounts;
@@ -46,6 +47,8 @@ pub struct Settings {
     pub swarm: Swarm,
     /// How long a search for a path takes before its result may be used.
     pub path_time: Duration,
+    /// Its autopilot.
+    pub autopilot: autopilot::Settings,
 }
 
 /// What a vehicle is out for.

@@ -71,5 +71,6 @@ pub fn settings(vehicle: u8) -> Settings {
         swarm: crate::config::Swarm::default(),
         task: crate::node::Task::Plan,
         path_time: Duration::from_millis(20),
+        autopilot: crate::autopilot::Settings::default(),
     }
 }

@@ -1,6 +1,6 @@
 //! The vehicle actor: the last word before the autopilot, and the first to know where the vehicle is.
 //!
-//! It is told telemetry, scans, commands of the mission, orders, the peers' states and what the disk has. It says what to
+//! It is told telemetry, who steers, scans, commands of the mission, orders, the peers' states and what the disk has. It says what to
 //! fly, its own `State`, what is to be remembered, orders that are obeyed, and remarks. It checks every command against the envelope
 //! (a fresh and certain pose, a finite route that begins here, the fence, the peers, what made the reflex halt) and
 //! always drives at the configured speed. It judges the age of orders and of commands. Off plan, where no order of
@@ -20,10 +20,10 @@
 //! does so at once, and is written then (`orders.rs`). So a vehicle that is started anew obeys nothing lower than it has
 //! ever shown. It begins free all the same, and waits for a start.
 //!
-//! Six machines run side by side; each has its file, which alone writes its fields. Two say what orders leave standing and
-//! what the vehicle was told to do. The others are drawn in their files: what emergency stops do (`emergency.rs`), how far a
-//! disarming has come (`disarming.rs`), whether enough was heard to begin (`readiness.rs`), and whether the autopilot is
-//! heard (`last_telemetry.rs`).
+//! Seven machines run side by side; each has its file, which alone writes its fields. Two say what orders leave standing and
+//! what the vehicle was told to do. The others are drawn in their files: what emergency stops do (`emergency.rs`), whether
+//! somebody else has taken over (`take_over.rs`), how far a disarming has come (`disarming.rs`), whether enough was heard to
+//! begin (`readiness.rs`), and whether the autopilot is heard (`last_telemetry.rs`).
 //!
 //! What orders leave standing (`restraint.rs`), at first nothing; a weaker order leads no way back:
 //!
@@ -41,6 +41,7 @@
 //!   any ──Turn───► [Turning] ──at rest──► [Idle]
 //!   any ──stop───► [Stopped]                        but what the reflex has halted stays so
 //!   any ──reflex─► [Halted]                         when telemetry shows driving
+//!   any ──taken over─► [Idle]                       by remote control, or by the autopilot itself
 //! ```
 //!
 //! A vehicle under a restraint accepts neither Drive nor Turn: it leaves Stopped and Halted only when it is free again.
@@ -57,13 +58,14 @@ mod readiness;
 mod reflex;
 mod report;
 mod restraint;
+mod take_over;
 mod words;
 
 use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
 use tomoswarm_proto::{
-    EmergencyStop, Order, OrderKind, Revision, RunId, Sender, StandReason, State, VehicleId,
+    Control, EmergencyStop, Order, OrderKind, Revision, RunId, Sender, StandReason, State, VehicleId,
 };
 
 use self::emergency::Emergency;
@@ -73,12 +75,14 @@ use self::orders::{Accepted, Orders};
 use self::readiness::Readiness;
 use self::reflex::Reflex;
 use self::report::Reports;
+use self::take_over::TakeOver;
 use super::memory::{Memory, Remembered};
 use super::peers::{Peers, join_states};
 use super::radio::Sighting;
 use super::sensor::Scan;
 use super::{OwnState, Settings};
 use crate::actor::{Actor, Class, Fault, Input};
+use crate::autopilot::Status;
 use crate::geom::{Point, Vector};
 use crate::stops::first_that_stops;
 use crate::time::{Deadline, Time};
@@ -96,6 +100,8 @@ const SAY_AGAIN: Duration = Duration::from_millis(300);
 pub enum In {
     /// Pose and motion.
     Telemetry(Telemetry),
+    /// Who steers, and whether it is on the ground; told when it changes.
+    Autopilot(Status),
     /// A range reading.
     Scan(Scan),
     /// What the mission wants, and when it decided that.
@@ -140,9 +146,11 @@ pub enum Out {
 pub struct Vehicle {
     settings: Settings,
     telemetry: LastTelemetry,
+    autopilot: Status,
     movement: Movement,
     orders: Orders,
     emergency: Emergency,
+    take_over: TakeOver,
     readiness: Readiness,
     reflex: Reflex,
     peers: Peers,
@@ -158,9 +166,11 @@ impl Vehicle {
             peers: Peers::new(settings.vehicle),
             orders: Orders::remembering(settings.memory),
             emergency,
+            take_over: TakeOver::default(),
             readiness: Readiness::default(),
             settings,
             telemetry: LastTelemetry::default(),
+            autopilot: Status::default(),
             movement: Movement::default(),
             reflex: Reflex::default(),
             reports: Reports::default(),
@@ -178,6 +188,24 @@ impl Vehicle {
         let disarms = self.emergency.disarms(now, &telemetry).then_some(Fly::Disarm);
         out.extend(motors.or(disarms).map(Out::Fly));
         self.report(now, &telemetry, out);
+    }
+
+    /// Takes who steers. Of a way that somebody else has ended nothing is claimed any more, and what answers a state of
+    /// before sends the vehicle out no more.
+    fn autopilot(&mut self, now: Time, status: Status, out: &mut Vec<Out>) {
+        self.autopilot = status;
+        if self.take_over.take(status.control) {
+            self.orders.answer_from(now);
+        }
+        match status.control {
+            Control::Remote => self.movement.let_go(),
+            // It may have set out although it was to stand.
+            Control::Own if self.is_held_back() => self.stop(now, out),
+            Control::Own => self.movement.let_go(),
+            Control::Ours => {}
+            Control::Silent => self.report_silence(now, out),
+        }
+        self.reports.publish_next();
     }
 
     /// Stops a vehicle that drives and no longer knows where it is; said once.
@@ -225,7 +253,7 @@ impl Vehicle {
         let is_answer =
             self.reports.is_answer(now, self.settings.boot, order.seen, self.orders.answers_from());
         let is_own = order.vehicle == self.settings.vehicle;
-        if !is_own || !self.orders.accepts(&order, is_answer) || !self.may_begin(now, sender, order.kind) {
+        if !is_own || !self.orders.accepts(&order, is_answer) || !self.may_begin(now, sender, &order) {
             return;
         }
         if self.orders.awaits_disk(&order) {
@@ -247,22 +275,27 @@ impl Vehicle {
         let Some((order, motors)) = self.orders.obey(now, is_answer) else { return };
         if order.kind == OrderKind::Start {
             self.emergency.start();
+            out.extend(self.take_over.end().then_some(Out::Fly(Fly::TakeBack)));
         }
         out.extend(motors.map(Out::Fly));
         out.push(Out::Order(order));
     }
 
-    /// Returns whether an order may send the vehicle out, if that is what it does: no emergency stop stands in the way, and
-    /// it has listened long enough.
-    fn may_begin(&mut self, now: Time, sender: Sender, kind: OrderKind) -> bool {
-        match kind {
+    /// Returns whether an order may send the vehicle out, if that is what it does: neither an emergency stop nor somebody
+    /// who has taken over stands in the way, and it has listened long enough.
+    fn may_begin(&mut self, now: Time, sender: Sender, order: &Order) -> bool {
+        match order.kind {
             OrderKind::Hold | OrderKind::Land | OrderKind::CutMotors => true,
             OrderKind::Return => {
-                !self.emergency.stands() && self.readiness.look(now, self.settings.listens_for, &self.peers)
+                !self.emergency.stands()
+                    && !self.take_over.stands()
+                    && self.readiness.look(now, self.settings.listens_for, &self.peers)
             }
             OrderKind::Start => {
                 let is_of_operator = matches!(sender, Sender::Operator(_));
+                let Settings { vehicle, boot, .. } = self.settings;
                 self.emergency.lets_start(is_of_operator)
+                    && self.take_over.lets_start(sender, order, vehicle, boot)
                     && self.readiness.look(now, self.settings.listens_for, &self.peers)
             }
         }
@@ -277,6 +310,11 @@ impl Vehicle {
         } else if was_stopped && self.emergency.stop().is_none() {
             self.orders.answer_from(now);
         }
+    }
+
+    /// Returns whether an emergency stop or an order holds it back.
+    fn is_held_back(&self) -> bool {
+        self.emergency.stands() || self.orders.restraint().refusal().is_some()
     }
 
     fn stop(&mut self, now: Time, out: &mut Vec<Out>) {
@@ -299,6 +337,7 @@ impl Actor for Vehicle {
     fn handle(&mut self, now: Time, input: In, out: &mut Vec<Out>) -> Result<(), Fault> {
         match input {
             In::Telemetry(telemetry) => self.telemetry(now, telemetry, out),
+            In::Autopilot(status) => self.autopilot(now, status, out),
             In::Scan(scan) => self.scan(now, &scan, out),
             In::Command(decided, command) => self.command(now, decided, command, out),
             In::Holds(holds) => self.reports.note_mission_holds(holds),
@@ -344,6 +383,8 @@ impl Actor for Vehicle {
 pub enum Key {
     /// Telemetry of the own autopilot.
     Telemetry,
+    /// Who steers.
+    Autopilot,
     /// The mission's command.
     Command,
     /// Orders to one vehicle join by strength; those to others are not obeyed, and replace none to this one.
@@ -366,6 +407,7 @@ impl Input for In {
     fn class(&self) -> Class<Key> {
         match self {
             In::Telemetry(_) => Class::Latest(Key::Telemetry),
+            In::Autopilot(_) => Class::Latest(Key::Autopilot),
             In::Scan(_) => Class::Queue,
             In::Command(..) => Class::Latest(Key::Command),
             In::Holds(_) => Class::Latest(Key::Holds),

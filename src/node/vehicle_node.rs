@@ -1,4 +1,4 @@
-//! The seven actors of a vehicle with their inboxes, run together on one thread.
+//! The eight actors of a vehicle with their inboxes, run together on one thread.
 //!
 //! This is how the simulator runs a vehicle. A live node runs the same actors on several threads: [`super::wiring`] says
 //! which there are and [`super::route`] what goes where, in both.

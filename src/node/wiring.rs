@@ -1,4 +1,4 @@
-//! The seven actors of a vehicle and how they are wired, for every runtime; who hears whom says [`super::route`].
+//! The eight actors of a vehicle and how they are wired, for every runtime; who hears whom says [`super::route`].
 //!
 //! A fault of the range sensor's actor is mended by a fresh one. A fault of any other ends the node, the radio's too: its
 //! samples are numbered, and a fresh one would count from the beginning under the same start.
@@ -12,6 +12,7 @@ use super::route::{Destination, Effect, Event, Output, route};
 use super::sensor::Sensor;
 use super::vehicle::Vehicle;
 use crate::actor::{ActingTime, Fill, Place, Recipient, RestartPolicy, Visitor, Wire, Wiring};
+use crate::autopilot::AutopilotLink;
 use crate::stops::{Stops, StopsSettings};
 
 /// How a vehicle is wired.
@@ -22,6 +23,7 @@ pub enum VehicleWiring {}
 #[derive(Clone, Debug)]
 pub struct Actors<P: Place<VehicleWiring>> {
     pub(crate) stops: P::Of<Stops>,
+    pub(crate) autopilot: P::Of<AutopilotLink>,
     pub(crate) vehicle: P::Of<Vehicle>,
     pub(crate) sensor: P::Of<Sensor>,
     pub(crate) map: P::Of<Map>,
@@ -50,6 +52,14 @@ impl Wiring for VehicleWiring {
                     Stops::new(&StopsSettings { kept, lease, is_silent: false })
                 },
                 output: Output::Stops,
+            }),
+            // At once, on the thread of whoever tells it something: a stop does not wait for another thread.
+            autopilot: fill.actor(Wire {
+                name: "autopilot",
+                restart: RestartPolicy::StopNode,
+                acting: ActingTime::Instant,
+                make: |settings| AutopilotLink::new(settings.autopilot),
+                output: Output::Autopilot,
             }),
             vehicle: fill.actor(Wire {
                 name: "vehicle",
@@ -98,8 +108,9 @@ impl Wiring for VehicleWiring {
 
     fn visit<P: Place<Self>>(actors: &mut Actors<P>, visitor: &mut impl Visitor<Self, P>) {
         // Taken apart, so that none can be forgotten.
-        let Actors { stops, vehicle, sensor, map, mission, radio, outbox } = actors;
+        let Actors { stops, autopilot, vehicle, sensor, map, mission, radio, outbox } = actors;
         visitor.actor::<Stops>(stops);
+        visitor.actor::<AutopilotLink>(autopilot);
         visitor.actor::<Vehicle>(vehicle);
         visitor.actor::<Sensor>(sensor);
         visitor.actor::<Map>(map);
@@ -123,6 +134,7 @@ impl Wiring for VehicleWiring {
     ) {
         match destination {
             Destination::Stops(input) => P::tell::<Stops>(&mut actors.stops, input),
+            Destination::Autopilot(input) => P::tell::<AutopilotLink>(&mut actors.autopilot, input),
             Destination::Vehicle(input) => P::tell::<Vehicle>(&mut actors.vehicle, input),
             Destination::Sensor(input) => P::tell::<Sensor>(&mut actors.sensor, input),
             Destination::Map(input) => P::tell::<Map>(&mut actors.map, input),
@@ -143,6 +155,6 @@ mod tests {
     fn recordings_name_the_actors_in_the_order_of_the_datas_way() {
         let snapshots = VehicleNode::new(&settings(1)).snapshots().unwrap();
         let names: Vec<&str> = snapshots.iter().map(|snapshot| snapshot.actor).collect();
-        assert_eq!(names, ["stops", "vehicle", "sensor", "map", "mission", "radio", "outbox"]);
+        assert_eq!(names, ["stops", "autopilot", "vehicle", "sensor", "map", "mission", "radio", "outbox"]);
     }
 }

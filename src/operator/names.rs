@@ -1,6 +1,6 @@
-//! Orders, modes and phases in words, as they are typed and shown.
+//! Orders, modes, phases and who steers in words, as they are typed and shown.
 
-use tomoswarm_proto::{Mode, OrderKind, Ordered, StationPhase};
+use tomoswarm_proto::{Control, Mode, OrderKind, Ordered, StationPhase};
 
 /// Returns what a vehicle was ordered last, and by whose right.
 pub fn ordered(ordered: Ordered) -> String {
@@ -16,6 +16,16 @@ pub fn kind_name(kind: OrderKind) -> &'static str {
         OrderKind::Return => "return",
         OrderKind::Land => "land",
         OrderKind::CutMotors => "cut-motors",
+    }
+}
+
+/// Returns in words who steers a vehicle.
+pub fn control(control: Control) -> &'static str {
+    match control {
+        Control::Ours => "this software",
+        Control::Remote => "somebody by remote control",
+        Control::Own => "the autopilot by itself",
+        Control::Silent => "not known: the autopilot is silent",
     }
 }
 

@@ -49,7 +49,7 @@ use tomoswarm_proto::{
     StandReason, State, StationPhase, StopScope, VehicleId,
 };
 
-use self::delivery::{CONTEST, Delivery, Issued};
+use self::delivery::{CONTEST, Delivery, Issued, take_over_of};
 use super::Heard;
 use super::fleet_view::{FleetView, Fresh, Misfit};
 use super::outcome::{Outcome, Refusal, VehicleOutcome};
@@ -449,15 +449,18 @@ impl Ordering {
             None => self.issue(now, id)?,
         };
         let run = self.run_of(now);
+        let state = self.view.state(id).map(|state| &state.value);
+        let kind = self.instruction.kind;
         let delivery = self.deliveries.entry(id).or_default();
+        if delivery.first_at.is_none() && kind == OrderKind::Start {
+            delivery.take_over = state.and_then(take_over_of);
+        }
         delivery.issued = Some(issued);
         delivery.sent_at = Some(now);
         delivery.first_at.get_or_insert(now);
         let Issued { lease, revision } = issued;
-        let state = self.view.state(id).map(|state| &state.value);
         let seen = state.map(|state| SeenState { boot: state.boot, sequence: state.sequence });
-        let kind = self.instruction.kind;
-        let ends = self.ends.clone().unwrap_or_default();
+        let ends = ended(self.ends.as_deref().unwrap_or_default(), delivery.take_over);
         Some(Order { vehicle: id, lease, run, revision, seen, kind, ends })
     }
 
@@ -516,6 +519,14 @@ impl Ordering {
         self.run = Some(run);
         run
     }
+}
+
+/// Returns the names that a start ends, ascending: emergency stops, and the vehicle's take-over. A list that is full leaves
+/// a stop to the next start.
+fn ended(stops: &[EmergencyName], take_over: Option<EmergencyName>) -> Vec<EmergencyName> {
+    let most = ENDS_MAX - usize::from(take_over.is_some());
+    let names: BTreeSet<EmergencyName> = stops.iter().copied().take(most).chain(take_over).collect();
+    names.into_iter().collect()
 }
 
 /// Returns whether what came above an order may be the ground station bringing that about: it lets everyone hold who was

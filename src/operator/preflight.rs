@@ -8,7 +8,7 @@ use std::time::Duration;
 
 use serde::Serialize;
 use tomoswarm_proto::{
-    BEACON_MEMBERS_MAX, FailsafeAction, Failsafes, Health, Hello, Lease, Mode, PoseReport, Report,
+    BEACON_MEMBERS_MAX, Control, FailsafeAction, Failsafes, Health, Hello, Lease, Mode, PoseReport, Report,
     StationPhase, VehicleId,
 };
 
@@ -145,6 +145,9 @@ fn of_vehicle(id: VehicleId, seen: &VehicleView, needs: &Needs, now: Time) -> Ve
             !matches!(state.mode, Mode::Held | Mode::Stopped | Mode::MotorsCut),
             names::mode(state.mode).to_owned(),
         )
+    }));
+    checks.push(reported("control", state, no_go, |state| {
+        (state.control == Control::Ours, names::control(state.control).to_owned())
     }));
     checks.push(reported("radio", health, no_go, |health| radio(id, health, needs)));
     checks.push(reported("disk", health.and_then(|health| health.disk_free_mb), Light::Unknown, |free_mb| {

@@ -8,8 +8,8 @@
 //!   vehicle process                      world process                       who directs
 //!     Join{vehicle, boot, token} ─────►                     ◄───── Control{token}
 //!                                ◄───── Welcome or Refused ─────►
-//!     Fly Steer Ping Transmit    ─────►                     ◄───── Enter Report Track Stop
-//!                                ◄───── Telemetry Echo Heard Unsent, Status Places ─────►
+//!     Autopilot Steer Ping Transmit ──►                     ◄───── Enter Report Track Stop
+//!                                ◄───── Report Ack Echo Heard Unsent, Status Places ─────►
 //! ```
 
 mod client;
@@ -19,16 +19,16 @@ mod frame;
 use serde::{Deserialize, Serialize};
 use tomoswarm_proto::{Boot, VehicleId, codec};
 
+use crate::autopilot::{Ack, NumberedCommand, Report};
 use crate::geom::{Angle, Point, Pose};
 use crate::node::sensor::{Echo, Ping};
-use crate::node::vehicle::{Fly, Telemetry};
 
 pub use client::{LinkSettings, LinkState, WorldLink};
 pub use control::{ControlError, WorldControl};
 pub use frame::{FrameError, LIMIT, read_frame, write_frame};
 
 /// Version of this protocol; both ends must speak the same.
-pub const VERSION: u8 = 3;
+pub const VERSION: u8 = 4;
 /// Tokens are shorter than this, bytes.
 pub const TOKEN_LIMIT: usize = 256;
 /// Places of a track that one answer holds.
@@ -53,8 +53,8 @@ pub enum ToWorld {
         /// The world's token, in bytes.
         token: Vec<u8>,
     },
-    /// The autopilot shall move.
-    Fly(Fly),
+    /// The autopilot shall obey; answered with an ack.
+    Autopilot(NumberedCommand),
     /// The servo shall point, relative to the heading.
     Steer(Angle),
     /// The range sensor shall measure.
@@ -83,8 +83,10 @@ pub enum FromWorld {
     Welcome(Welcome),
     /// It is not, or is not any longer; nothing follows.
     Refused(Refused),
-    /// The autopilot reports, ten times a second.
-    Telemetry(Telemetry),
+    /// What the autopilot says of itself, ten times a second.
+    Autopilot(Report),
+    /// The autopilot's answer to a command.
+    Ack(Ack),
     /// The range sensor has its reading.
     Echo(Echo),
     /// The radio has heard a beacon.

@@ -24,9 +24,11 @@ use super::node_threads::{LiveNode, Threads};
 use super::process::{Finish, Process};
 use super::state_dir::{StateDir, StateDirError};
 use super::trust::TrustError;
+use crate::autopilot::{Fly, Purpose, Remark, link};
 use crate::config::{Record, VehicleFile};
 use crate::geom::Lattice;
 use crate::node::outbox::Tally;
+use crate::node::route::Note;
 use crate::node::{Effect, Event, Settings, VehicleWiring};
 use crate::store::memory::{MemoryDriver, MemoryError, MemoryFile};
 use crate::store::outbox::{OutboxDriver, OutboxSettings};
@@ -97,6 +99,8 @@ struct Last {
     /// Who was in the ring at the last beacon.
     hears: Option<(Time, Vec<VehicleId>)>,
     tally: Tally,
+    /// Why the autopilot has not armed, since it was told to.
+    not_armed: Option<String>,
 }
 
 impl Last {
@@ -131,7 +135,7 @@ struct Edge {
 impl Edge {
     fn carry_out(&self, effect: Effect) {
         match &effect {
-            Effect::Fly(_) | Effect::Steer(_) | Effect::Ping(_) => self.devices.carry_out(&effect),
+            Effect::Command(_) | Effect::Steer(_) | Effect::Ping(_) => self.devices.carry_out(&effect),
             Effect::Transmit(beacon) => {
                 lock(&self.last).hears = Some((self.clock.now(), beacon.members.clone()));
                 self.devices.carry_out(&effect);
@@ -140,10 +144,16 @@ impl Edge {
                 if let Message::State(state) = message {
                     let mut last = lock(&self.last);
                     (last.state, last.state_at) = (Some(state.clone()), Some(self.clock.now()));
+                    last.not_armed.take_if(|_| state.is_armed);
                 }
                 self.mouth.publish(message);
             }
-            Effect::Note(note) => tracing::info!("{note:?}"),
+            Effect::Note(note) => {
+                if let Note::Autopilot(Remark::GivenUp(Purpose::Arm, reason)) = note {
+                    lock(&self.last).not_armed = Some(reason.to_string());
+                }
+                tracing::info!("{note:?}");
+            }
             Effect::Keep(run, sample) => self.outbox.keep(*run, *sample),
             Effect::Forget { boot, run, below } => self.outbox.forget(*boot, *run, *below),
             Effect::Recall { after } => self.outbox.recall(*after),
@@ -287,9 +297,14 @@ fn outbox(file: &VehicleFile, state_dir: &StateDir, node: LiveVehicle) -> std::i
 impl Edge {
     fn watch_devices(&self, troubles: &Troubles) {
         self.devices.watch(troubles);
-        match lock(&self.last).is_autopilot_silent(self.clock.now()) {
+        let last = lock(&self.last);
+        match last.is_autopilot_silent(self.clock.now()) {
             true => troubles.raise("autopilot", "it says nothing".to_owned()),
             false => troubles.clear("autopilot"),
+        }
+        match &last.not_armed {
+            Some(reason) => troubles.raise("arming", reason.clone()),
+            None => troubles.clear("arming"),
         }
     }
 
@@ -340,7 +355,7 @@ impl Edge {
         let begun = self.clock.now();
         let mut ended = None;
         loop {
-            self.devices.stop();
+            self.node.actors().autopilot.place.tell(link::In::Fly(Fly::Stop));
             let now = self.clock.now();
             if threads.has_ended(mission.wire.name) {
                 ended.get_or_insert(now);

@@ -42,7 +42,6 @@ use crate::ground::{self, GroundNode};
 use crate::node::mission::Remark as MissionRemark;
 use crate::node::radio;
 use crate::node::route::Note as VehicleNote;
-use crate::node::vehicle::Fly;
 use crate::node::{self, VehicleNode};
 use crate::time::Time;
 
@@ -371,8 +370,10 @@ impl Kernel {
     fn carry_out_one(&mut self, vehicle: usize, effect: node::Effect) -> Option<node::Event> {
         match effect {
             // After the end nothing sets out any more; what moves comes to rest.
-            node::Effect::Fly(Fly::Drive { .. } | Fly::Turn(_)) if self.ended.is_some() => {}
-            node::Effect::Fly(fly) => return self.command(vehicle, DeviceCommand::Fly(fly)),
+            node::Effect::Command(numbered) if self.ended.is_some() && numbered.command.moves() => {}
+            node::Effect::Command(command) => {
+                return self.command(vehicle, DeviceCommand::Autopilot(command));
+            }
             node::Effect::Steer(beam) => return self.command(vehicle, DeviceCommand::Steer(beam)),
             node::Effect::Ping(_) | node::Effect::Transmit(_) if self.ended.is_some() => {}
             node::Effect::Ping(ping) => return self.command(vehicle, DeviceCommand::Ping(ping)),
@@ -401,10 +402,11 @@ impl Kernel {
     fn command(&mut self, vehicle: usize, command: DeviceCommand) -> Option<node::Event> {
         let mut said = std::mem::take(&mut self.world_events);
         self.environment.obey(self.now, vehicle, command, &mut said);
-        let unsent = said.iter().find_map(|event| match event {
+        let answer = said.iter().find_map(|event| match event {
             WorldEvent::Unsent { sequence, .. } => Some(node::Event::Unsent(*sequence)),
+            WorldEvent::Ack { ack, .. } => Some(node::Event::Ack(*ack)),
             WorldEvent::Scheduled(_)
-            | WorldEvent::Telemetry { .. }
+            | WorldEvent::Report { .. }
             | WorldEvent::Echo { .. }
             | WorldEvent::Heard { .. }
             | WorldEvent::Contact(_)
@@ -413,7 +415,7 @@ impl Kernel {
         });
         self.schedule(&mut said);
         self.world_events = said;
-        unsent
+        answer
     }
 
     /// Queues the moments at which the environment wants to be woken; the list is empty then.
@@ -439,10 +441,11 @@ impl Kernel {
     fn notice(&mut self, event: WorldEvent) -> Result<(), Fault> {
         match event {
             WorldEvent::Scheduled(at) => self.queue.push(at, Event::Environment),
-            WorldEvent::Telemetry { vehicle, telemetry } => {
+            WorldEvent::Report { vehicle, report } => {
                 self.record.track(vehicle, self.environment.world().truth(vehicle, self.now).at);
-                self.tell(vehicle, node::Event::Telemetry(telemetry))?;
+                self.tell(vehicle, node::Event::Report(report))?;
             }
+            WorldEvent::Ack { vehicle, ack } => self.tell(vehicle, node::Event::Ack(ack))?,
             WorldEvent::Echo { vehicle, echo } => self.tell(vehicle, node::Event::Echo(echo))?,
             WorldEvent::Heard { frame, receivers } => self.hear(&frame, &receivers)?,
             WorldEvent::Unsent { vehicle, sequence } => self.tell(vehicle, node::Event::Unsent(sequence))?,
@@ -504,6 +507,7 @@ impl Kernel {
     fn note(&mut self, vehicle: usize, note: &VehicleNote) {
         let who = format!("vehicle {}", self.vehicles[vehicle].id());
         match note {
+            VehicleNote::Autopilot(remark) => self.log(&who, format_args!("autopilot: {remark:?}")),
             VehicleNote::Vehicle(remark) => self.log(&who, format_args!("{remark:?}")),
             VehicleNote::Stops(remark) => self.log(&who, format_args!("{remark}")),
             VehicleNote::Mission(remark) => {

@@ -4,7 +4,6 @@ use std::time::Duration;
 
 use tomoswarm_proto::{Boot, Hello, Lease, Sender, VehicleId};
 
-use super::autopilot::Kind;
 use super::body::Limits;
 use super::bus::{Bus, BusModel};
 use super::entry::Entry;
@@ -21,6 +20,7 @@ use super::shown::Shown;
 use super::staging;
 use super::world::{Build, Flying, GROUND_CLEARANCE_M, Stage, World};
 use crate::actor::Fault;
+use crate::autopilot::Kind;
 use crate::config::{self, Craft, Drivers, Expect, PlannedFault, PlannedPartition, Sim};
 use crate::geom::Point;
 use crate::ground::imager::Subject;

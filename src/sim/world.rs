@@ -2,22 +2,22 @@
 //! every contact. It knows no actor and no bus.
 //!
 //! The autopilot of a vehicle believes to be at its true place plus a slowly drifting error; it drives so that
-//! its *believed* place follows the command ([`super::autopilot`], in GUIDED). The referee judges true places only; who
-//! flies over another does not touch it.
+//! its *believed* place follows the command ([`super::autopilot`]). The referee judges true places only; who flies over
+//! another does not touch it.
 
 use std::time::Duration;
 
 use tomoswarm_proto::VehicleId;
 
 use super::air::Sent;
-use super::autopilot::{self, Ask, Autopilot, Kind, LowBattery, Mode, Navigation, Outage};
+use super::autopilot::{self, Autopilot, LowBattery, Navigation, Outage};
 use super::body::{BodyState, Limits};
 use super::contact::{climb_contact, closest_approach, first_contact_of, overlaps};
 use super::noise::Noise;
 use super::radio_field::{RadioField, Transmission};
 use super::range::{Disc, Eye, RangeSensor, Surroundings};
+use crate::autopilot::{ArmRefusal, Command, CommandAck, Kind, Motion, Report};
 use crate::geom::{Angle, Point, Polygon, Segment, Vector};
-use crate::node::vehicle::{Fly, Motion, Telemetry};
 use crate::plan::Mounts;
 use crate::scene::{Attenuation, Scene};
 use crate::time::Time;
@@ -115,6 +115,17 @@ impl PredictedContact {
     pub fn concerns(&self, vehicle: usize) -> bool {
         self.one.0 == vehicle || self.other.is_some_and(|(peer, _)| peer == vehicle)
     }
+}
+
+/// What came of a command.
+#[derive(Clone, PartialEq, Debug)]
+pub struct Obeyed {
+    /// The autopilot's answer.
+    pub result: CommandAck,
+    /// Why it does not arm, if that is what it was told.
+    pub arm_refusal: Option<ArmRefusal>,
+    /// The contacts that its motion leads to now.
+    pub contacts: Vec<PredictedContact>,
 }
 
 struct Craft {
@@ -268,22 +279,26 @@ impl World {
         self.fence_breaches
     }
 
-    /// Gives what the autopilot reports.
-    pub fn telemetry(&mut self, vehicle: usize, now: Time) -> Telemetry {
+    /// Returns what the autopilot knows of itself at a moment.
+    pub fn report(&mut self, vehicle: usize, now: Time) -> Report {
         self.advance(vehicle, now);
         let autopilot = &self.crafts[vehicle].autopilot;
-        let report = autopilot.report(now);
-        let motion = match (report.speed_mps > 0.0, autopilot.is_at_rest(now)) {
+        let readout = autopilot.report(now);
+        let motion = match (readout.speed_mps > 0.0, autopilot.is_at_rest(now)) {
             (true, _) => Motion::Driving,
             (false, true) => Motion::Resting,
             (false, false) => Motion::Turning,
         };
-        Telemetry {
-            pose: report.pose,
-            speed_mps: report.speed_mps,
-            battery: report.battery,
+        Report {
+            pose: readout.pose,
+            altitude_m: readout.altitude_m,
+            speed_mps: readout.speed_mps,
+            battery: readout.battery,
             motion,
-            is_armed: report.is_armed,
+            is_landed: readout.is_landed,
+            mode: readout.mode,
+            is_armed: readout.is_armed,
+            status: readout.status,
         }
     }
 
@@ -315,24 +330,22 @@ impl World {
         self.crafts[vehicle].autopilot.set_battery(now, charge);
     }
 
-    /// Lets the autopilot obey; gives the contacts that the new motion leads to.
-    pub fn fly(&mut self, vehicle: usize, now: Time, fly: &Fly) -> Vec<PredictedContact> {
+    /// Lets the autopilot obey; one that cannot goes on as it did.
+    pub fn command(&mut self, vehicle: usize, now: Time, command: &Command) -> Obeyed {
         self.judge(vehicle, now);
         self.advance(vehicle, now);
         let craft = &mut self.crafts[vehicle];
-        if matches!(fly, Fly::Arm) {
-            // After a landing it is in another mode.
-            craft.autopilot.ask(now, Ask::Mode(Mode::Guided));
-        }
-        let ask = asked(&craft.autopilot, now, fly, self.flying.altitude_m);
-        let answer = craft.autopilot.ask(now, ask);
+        let arm_refusal = match command {
+            Command::Arm { force } => craft.autopilot.arm_refusal(*force),
+            _ => None,
+        };
+        let result = craft.autopilot.command(now, command.clone());
         craft.commands += 1;
         craft.motions = craft.autopilot.motions();
-        // An impossible command leaves the motion as it was.
-        if answer == autopilot::Answer::Accepted {
+        if result == CommandAck::Accepted {
             self.judge_fence(vehicle, now);
         }
-        self.touches(vehicle, now)
+        Obeyed { result, arm_refusal, contacts: self.touches(vehicle, now) }
     }
 
     fn judge_fence(&mut self, vehicle: usize, now: Time) {
@@ -465,23 +478,6 @@ impl World {
         let ids = [sender, boot, sequence, u64::from(receiver.id.0)];
         let (channel, power_dbm) = (sent.channel, sent.power_dbm);
         self.field.received(&Transmission { from, to, channel, power_dbm }, attenuation_db, &ids)
-    }
-}
-
-/// What a companion's word comes to in GUIDED. A copter that stands takes off first; in the air it lands to be disarmed.
-fn asked(autopilot: &Autopilot, now: Time, fly: &Fly, altitude_m: f64) -> Ask {
-    let is_landed = autopilot.is_landed(now);
-    match fly {
-        Fly::Drive { .. } if is_landed && autopilot.kind() == Kind::Copter => Ask::Takeoff { altitude_m },
-        // One that is sent on while it climbs goes on to its altitude.
-        Fly::Drive { corners, speed_mps } => {
-            Ask::Route { corners: corners.clone(), altitude_m: Some(altitude_m), speed_mps: Some(*speed_mps) }
-        }
-        Fly::Turn(heading) => Ask::Yaw(*heading),
-        Fly::Stop => Ask::Stop,
-        Fly::Arm => Ask::Arm { force: true },
-        Fly::Disarm if is_landed => Ask::Disarm { force: true },
-        Fly::Disarm => Ask::Mode(Mode::Land),
     }
 }
 

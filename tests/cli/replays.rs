@@ -116,7 +116,7 @@ fn a_changed_input_is_named_with_what_came_of_it() {
     );
     let said = replay(&desk, "run/flight");
     assert_eq!(said.code, 1, "{said:?}");
-    assert!(said.err.contains("the replay differs: 1 of 20 actors"), "{}", said.err);
+    assert!(said.err.contains("the replay differs: 1 of 22 actors"), "{}", said.err);
     let lines: Vec<&str> = said.out.lines().collect();
     let first = lines.iter().position(|line| line.contains("differs")).unwrap();
     assert!(

@@ -409,5 +409,6 @@ fn settings(vehicle: u8, boot: u32) -> Settings {
         swarm: tomoswarm::config::Swarm::default(),
         task: tomoswarm::node::Task::Plan,
         path_time: Duration::from_millis(20),
+        autopilot: tomoswarm::autopilot::Settings::default(),
     }
 }

@@ -422,7 +422,7 @@ impl World {
             vehicle::Out::Fly(Fly::Disarm) => {
                 (self.rovers[index].is_armed, self.rovers[index].is_driving) = (false, false);
             }
-            vehicle::Out::Fly(Fly::Turn(_)) => {}
+            vehicle::Out::Fly(Fly::Turn(_) | Fly::TakeBack) => {}
             vehicle::Out::State(state) => self.tell_radio(index, radio::In::State(state)),
             vehicle::Out::Publish(state) => {
                 self.rovers[index].state = Some(state.clone());

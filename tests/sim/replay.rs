@@ -5,6 +5,7 @@ use std::collections::BTreeMap;
 use std::time::Duration;
 
 use tomoswarm::actor::{ActorStep, Cause, NodeActor, Snapshot, again};
+use tomoswarm::autopilot::AutopilotLink;
 use tomoswarm::ground::{imager::Imager, planner::Planner, station::Station};
 use tomoswarm::node::map::Map;
 use tomoswarm::node::mission::Mission;
@@ -58,6 +59,7 @@ impl<A: NodeActor> Again<A> {
 #[derive(Default)]
 struct Rover {
     stops: Again<Stops>,
+    autopilot: Again<AutopilotLink>,
     vehicle: Again<Vehicle>,
     sensor: Again<Sensor>,
     map: Again<Map>,
@@ -70,6 +72,7 @@ impl Rover {
     fn restore(&mut self, snapshot: &Snapshot) {
         match snapshot.actor {
             "stops" => self.stops.restore(snapshot),
+            "autopilot" => self.autopilot.restore(snapshot),
             "vehicle" => self.vehicle.restore(snapshot),
             "sensor" => self.sensor.restore(snapshot),
             "map" => self.map.restore(snapshot),
@@ -83,6 +86,7 @@ impl Rover {
     fn take(&mut self, step: &ActorStep) {
         match step.actor {
             "stops" => self.stops.take(step),
+            "autopilot" => self.autopilot.take(step),
             "vehicle" => self.vehicle.take(step),
             "sensor" => self.sensor.take(step),
             "map" => self.map.take(step),
@@ -175,6 +179,7 @@ fn an_actor_restored_at_any_moment_goes_on_as_the_original() {
         assert_eq!(rovers.len(), 2);
         for rover in rovers.values() {
             assert!(rover.mission.steps > 500 && rover.map.steps > 200 && rover.outbox.steps > 50);
+            assert!(rover.autopilot.steps > 500 && rover.autopilot.restored > 2);
             assert!(rover.vehicle.steps > 500 && rover.sensor.steps > 500 && rover.radio.steps > 500);
             assert!(rover.mission.restored > 2 && rover.stops.steps > 500);
         }

@@ -42,7 +42,8 @@ pub enum StandReason {
     Stop(EmergencyName),
     /// An order holds it.
     Held,
-    /// Somebody steers it by remote control, or has until a start ends it.
+    /// Somebody steers it by remote control, or has until an operator's start that names it
+    /// ([`EmergencyName::of_take_over`]) ends it.
     Remote,
     /// The autopilot does something of its own, or is silent.
     Autopilot,

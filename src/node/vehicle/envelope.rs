@@ -40,6 +40,9 @@ impl Vehicle {
         if route.is_some() && self.settings.look.is_blind {
             return Err(Refusal::Blind);
         }
+        if self.take_over.stands() {
+            return Err(Refusal::NotInControl);
+        }
         let telemetry = self.telemetry.fresh(now).ok_or(Refusal::NoPose)?;
         if telemetry.pose.sd_m > self.settings.swarm.pose_sd_max_m {
             return Err(Refusal::PoseUncertain);

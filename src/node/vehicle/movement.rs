@@ -85,6 +85,11 @@ impl Movement {
             Movement::Halted(Stop { said: now, braking_end: braking_end.filter(|_| self.claims_a_way()) });
     }
 
+    /// Somebody else moves the vehicle: nothing is claimed but its place.
+    pub fn let_go(&mut self) {
+        *self = Movement::Idle;
+    }
+
     /// Takes what telemetry shows: drops what was driven, and ends what has come to rest.
     pub fn take(&mut self, now: Time, telemetry: &Telemetry) {
         let has_ended = |since: Time| telemetry.motion == Motion::Resting && now.since(since) > REST_GRACE;
@@ -245,6 +250,7 @@ mod tests {
             };
             assert_eq!(after(&|it| it.drive(at(2.0), true, &[point(1.0)])), "Driving", "from {from}");
             assert_eq!(after(&|it| it.turn(at(2.0))), "Turning", "from {from}");
+            assert_eq!(after(&|it| it.let_go()), "Idle", "from {from}");
             let stopped = if from == "Halted" { "Halted" } else { "Stopped" };
             assert_eq!(after(&|it| it.stop(at(2.0), None)), stopped, "from {from}");
             assert_eq!(after(&|it| it.halt(at(2.0), None)), "Halted", "from {from}");

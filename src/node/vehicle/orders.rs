@@ -36,7 +36,8 @@ pub(super) struct Orders {
     restraint: Restraint,
     /// When one that stops the vehicle took effect last: what was decided before it is not driven.
     stopped_at: Option<Time>,
-    /// When an emergency stop stopped the vehicle last, or was lifted: what answers an earlier state does not send it out.
+    /// When an emergency stop stopped the vehicle last, or was lifted, or somebody else took over: what answers an earlier
+    /// state does not send it out.
     answers_from: Option<Time>,
 }
 
@@ -105,7 +106,7 @@ impl Orders {
         (self.stopped_at, self.answers_from) = (Some(now), Some(now));
     }
 
-    /// Takes that the last emergency stop was lifted: only what answers a state from now on sends the vehicle out.
+    /// Takes that the last emergency stop was lifted, or that somebody else has taken over: only what answers a state from now on sends the vehicle out.
     pub fn answer_from(&mut self, now: Time) {
         self.answers_from = Some(now);
     }

@@ -42,6 +42,11 @@ impl Reports {
         self.mission_holds = holds;
     }
 
+    /// Lets the next state be published at once.
+    pub fn publish_next(&mut self) {
+        self.published = None;
+    }
+
     /// Returns whether what answers a state of this `boot` was said in time, and answers one of after a moment.
     pub fn is_answer(&self, now: Time, boot: Boot, seen: Option<SeenState>, after: Option<Time>) -> bool {
         let is_of_then = |sequence| after.is_none_or(|after| self.made.made_at(sequence) > Some(after));
@@ -82,6 +87,14 @@ impl Vehicle {
         out.push(Out::State(state));
     }
 
+    /// Publishes what was known last of a vehicle whose autopilot has fallen silent: that it has.
+    pub(super) fn report_silence(&mut self, now: Time, out: &mut Vec<Out>) {
+        let Some(telemetry) = self.telemetry.of_any_age().copied() else { return };
+        self.reports.begin(now);
+        let state = self.state(&telemetry);
+        out.push(Out::Publish(self.on_wire(&state)));
+    }
+
     fn state(&self, telemetry: &Telemetry) -> OwnState {
         OwnState {
             sequence: self.reports.sequence,
@@ -113,9 +126,9 @@ impl Vehicle {
             mode: own.mode,
             stands_under: self.stands_under(own),
             is_at_rest: own.is_at_rest,
-            control: Control::Ours,
+            control: self.autopilot.control,
             is_armed: own.is_armed,
-            is_landed: true,
+            is_landed: self.autopilot.is_landed,
             battery: Permille::from_fraction(own.battery),
             leg: own.leg.as_ref().map(report),
             accepted: own.accepted,
@@ -131,6 +144,8 @@ impl Vehicle {
         match self.orders.restraint() {
             _ if self.emergency.stands() => Some(StandReason::Held),
             Restraint::Held | Restraint::Landing(_) | Restraint::MotorsCut(_) => Some(StandReason::Held),
+            Restraint::Free if self.take_over.stands() => self.take_over.reason(),
+            Restraint::Free if self.autopilot.control == Control::Silent => Some(StandReason::Autopilot),
             Restraint::Free if own.pose.sd_m > self.settings.swarm.pose_sd_max_m => {
                 Some(StandReason::NoPlace)
             }

@@ -8,6 +8,7 @@ use crate::geom::Angle;
 use crate::geom::Pose;
 
 mod blind;
+mod control;
 mod drawings;
 mod emergencies;
 mod laws;

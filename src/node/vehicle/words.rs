@@ -3,34 +3,9 @@
 use serde::{Deserialize, Serialize};
 use tomoswarm_proto::{StopId, VehicleId};
 
-use crate::geom::{Angle, Point, Pose, Segment};
+pub use crate::autopilot::{Fly, Motion, Telemetry};
+use crate::geom::{Angle, Point, Segment};
 use crate::time::Time;
-
-/// What the autopilot driver reports.
-#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
-pub struct Telemetry {
-    /// Where the autopilot believes to be.
-    pub pose: Pose,
-    /// Speed over ground, m/s.
-    pub speed_mps: f64,
-    /// Charge left, 0 to 1.
-    pub battery: f64,
-    /// Whether and how the body moves.
-    pub motion: Motion,
-    /// Whether the motors have current.
-    pub is_armed: bool,
-}
-
-/// Whether and how a body moves.
-#[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize)]
-pub enum Motion {
-    /// Standing.
-    Resting,
-    /// Turning on the spot.
-    Turning,
-    /// Driving.
-    Driving,
-}
 
 /// What the mission wants done.
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
@@ -46,26 +21,6 @@ pub enum Command {
     Turn(Angle),
     /// Stand still.
     Hold,
-}
-
-/// What the autopilot shall do.
-#[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
-pub enum Fly {
-    /// Drive through the corners and stop at the last.
-    Drive {
-        /// Corners, without the present place.
-        corners: Vec<Point>,
-        /// Speed limit, m/s.
-        speed_mps: f64,
-    },
-    /// Turn on the spot.
-    Turn(Angle),
-    /// Brake and stand.
-    Stop,
-    /// Let the motors turn again; no effect on one that is armed.
-    Arm,
-    /// Cut the motors; nothing moves before it is armed.
-    Disarm,
 }
 
 /// What the envelope or the reflex decided.
@@ -129,4 +84,6 @@ pub enum Refusal {
     Held,
     /// There is no range sensor.
     Blind,
+    /// A person steers by remote control, or the autopilot by itself, until an operator's start that names it.
+    NotInControl,
 }

@@ -3,7 +3,7 @@
 use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
-use tomoswarm_proto::{Lease, Ordered, Revision};
+use tomoswarm_proto::{Control, EmergencyName, Lease, Ordered, Revision, State};
 
 use crate::operator::outcome::VehicleOutcome;
 use crate::time::Time;
@@ -19,6 +19,8 @@ pub(super) struct Delivery {
     /// When it was sent an order first, and last.
     pub first_at: Option<Time>,
     pub sent_at: Option<Time>,
+    /// Who has taken it over, as its state showed when it was sent an order first: a start ends that.
+    pub take_over: Option<EmergencyName>,
     /// When its state showed it, and whether the ground has gone on from there.
     pub obeyed: Option<(Time, bool)>,
     /// Since when something else is above a start, and which: the ground station may be bringing it about.
@@ -29,6 +31,16 @@ pub(super) struct Delivery {
     pub doubted: Option<(Time, Ordered)>,
     /// How often the order went above a weaker one.
     pub insisted: u32,
+}
+
+/// Returns the name of the take-over that a vehicle's state shows.
+pub(super) fn take_over_of(state: &State) -> Option<EmergencyName> {
+    let is_steered = match state.control {
+        // Somebody may have taken over before the autopilot fell silent.
+        Control::Remote | Control::Own | Control::Silent => true,
+        Control::Ours => false,
+    };
+    is_steered.then(|| EmergencyName::of_take_over(state.vehicle, state.boot))
 }
 
 /// By which right an order is sent.

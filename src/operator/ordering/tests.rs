@@ -1,7 +1,7 @@
 //! Orders in virtual time, against vehicles that obey what is above their echo.
 
 use tomoswarm_proto::codec::{self, Greeting};
-use tomoswarm_proto::{Boot, Hello, Message, OrderKind as Kind, Standing};
+use tomoswarm_proto::{Boot, Control, Hello, Message, OrderKind as Kind, Standing};
 
 use super::super::tests_support::{Rover, at, heard, report};
 use super::*;
@@ -392,6 +392,46 @@ fn a_start_names_the_stops_that_are_open_when_it_is_first_sent_and_no_later_one(
     assert_eq!(of_one, VehicleOutcome::UnderStop(EmergencyName(0x1_0003)));
     let (_, sent) = under_stops(Instruction { kind: Kind::Hold, ..both }, &STOPS, Duration::ZERO);
     assert!(sent.iter().all(|order| order.ends.is_empty()));
+}
+
+#[test]
+fn a_start_names_the_take_over_that_a_vehicle_shows_when_it_is_first_sent_and_no_later_one() {
+    let both = Instruction { vehicles: [VehicleId(1), VehicleId(2)].into(), ..want(Kind::Start) };
+    let stop = EmergencyName(STOPS[0]);
+    let steered = |vehicle: u8, control: Control, sequence: u64| {
+        let state = State { control, sequence, ..Rover::new(vehicle).state };
+        heard(Message::State(state))
+    };
+    let name = EmergencyName::of_take_over(VehicleId(1), Rover::new(1).state.boot);
+    for (kind, control, names) in [
+        (Kind::Start, Control::Remote, true),
+        (Kind::Start, Control::Own, true),
+        (Kind::Start, Control::Silent, true),
+        (Kind::Start, Control::Ours, false),
+        (Kind::Hold, Control::Remote, false),
+    ] {
+        let mut ordering = Ordering::new(Time::ZERO, Instruction { kind, ..both.clone() });
+        ordering.act(Time::ZERO, true);
+        ordering.hear(at(5.0), &steered(1, control, 1));
+        ordering.hear(at(5.0), &steered(2, Control::Ours, 1));
+        (1..=2).for_each(|vehicle| ordering.hear(at(5.0), &tells(vehicle, &STOPS[..1])));
+        let mut both_end = BTreeSet::from([stop]);
+        both_end.retain(|_| kind == Kind::Start);
+        let others: Vec<EmergencyName> = both_end.iter().copied().collect();
+        both_end.extend(names.then_some(name));
+        let first: Vec<EmergencyName> = both_end.into_iter().collect();
+        for time_s in [5.0, 5.2] {
+            let sent = ordering.act(at(time_s), true);
+            assert_eq!(sent.len(), 2, "{kind:?} {control:?}");
+            assert_eq!(sent[0].ends, first, "{kind:?} {control:?}");
+            assert_eq!(sent[1].ends, others, "{kind:?}, whoever takes over later");
+            ordering.hear(at(5.1), &steered(2, Control::Remote, 2));
+        }
+    }
+    let full = ended(&[EmergencyName(0x1_0001); 1], Some(stop));
+    assert_eq!(full, [stop], "each once");
+    let eight: Vec<EmergencyName> = (1..=8).map(|number| EmergencyName(0x2_0000 + number)).collect();
+    assert_eq!(ended(&eight, Some(stop)).len(), 8, "as many as an order carries");
 }
 
 #[test]

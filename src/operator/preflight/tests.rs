@@ -138,6 +138,9 @@ fn each_check_of_a_vehicle_can_refuse() {
     wrong(|swarm| swarm.states[1].1.battery = Some(Permille(500)), &["vehicle 2: battery"]);
     wrong(|swarm| swarm.states[1].1.mode = Mode::Held, &["vehicle 2: mode"]);
     wrong(|swarm| swarm.states[1].1.mode = Mode::MotorsCut, &["vehicle 2: mode"]);
+    wrong(|swarm| swarm.states[1].1.control = Control::Remote, &["vehicle 2: control"]);
+    wrong(|swarm| swarm.states[1].1.control = Control::Own, &["vehicle 2: control"]);
+    wrong(|swarm| swarm.states[1].1.control = Control::Silent, &["vehicle 2: control"]);
     wrong(|swarm| swarm.healths[0].hears.clear(), &["vehicle 1: radio"]);
     wrong(|swarm| swarm.healths[0].disk_free_mb = Some(200), &["vehicle 1: disk"]);
     wrong(|swarm| swarm.healths[0].samples_lost = 1, &["vehicle 1: samples"]);

@@ -2,8 +2,8 @@
 //! where their events come from. All simulated ones share one [`WorldLink`]; a real one has a thread of its own.
 //!
 //! ```text
-//!   Fly       ─► autopilot ─┐
-//!   Steer     ─► servo     ─┤                                  ┌─► Telemetry
+//!   Command   ─► autopilot ─┐
+//!   Steer     ─► servo     ─┤                                  ┌─► Report, Ack
 //!   Transmit  ─► radio     ─┼─ simulated ─► link ─► world ─────┼─► Heard, Unsent
 //!   Ping      ─► range     ─┤                                  └─► Echo
 //!                           └─ on a serial line ─► range/serial ─► Echo
@@ -23,8 +23,8 @@ use self::range::Range;
 use super::clock::Clock;
 use super::link::{LinkSettings, LinkState, WorldLink};
 use super::mailbox::Troubles;
+use crate::autopilot::{Command, NumberedCommand};
 use crate::config::{AutopilotDriver, Drivers, RadioDriver, RangeDriver, VehicleFile};
-use crate::node::vehicle::Fly;
 use crate::node::{Effect, Event};
 
 /// Hears what devices say.
@@ -56,7 +56,7 @@ impl Devices {
     /// Carries out what concerns devices, from any thread; the rest does not concern it.
     pub fn carry_out(&self, effect: &Effect) {
         match effect {
-            Effect::Fly(_) => match self.drivers.autopilot {
+            Effect::Command(_) => match self.drivers.autopilot {
                 AutopilotDriver::Simulated => self.to_world(effect),
             },
             // Also where neither servo nor range sensor is simulated: to a simulated autopilot any word of its companion is
@@ -82,9 +82,9 @@ impl Devices {
         }
     }
 
-    /// Tells the autopilot to stop.
+    /// Tells the autopilot to stop, when no actor is left who could; nobody waits for its answer.
     pub fn stop(&self) {
-        self.carry_out(&Effect::Fly(Fly::Stop));
+        self.carry_out(&Effect::Command(NumberedCommand { number: 0, command: Command::Stop }));
     }
 
     /// Names what is wrong with the devices, and takes back what is not any more.
@@ -135,7 +135,7 @@ fn link(file: &VehicleFile, boot: Boot, range: &Range, told: &Told) -> io::Resul
 /// Returns whether a simulated device of these says such an event.
 fn is_of_simulated(drivers: &Drivers, event: &Event) -> bool {
     match event {
-        Event::Telemetry(_) => drivers.autopilot == AutopilotDriver::Simulated,
+        Event::Report(_) | Event::Ack(_) => drivers.autopilot == AutopilotDriver::Simulated,
         Event::Echo(_) => drivers.range == RangeDriver::Simulated,
         Event::Heard(_) | Event::Unsent(_) => drivers.radio == RadioDriver::Simulated,
         Event::Bus(..) | Event::Kept(..) | Event::Recalled(_) | Event::Dropped(_) | Event::Remembered(_) => {

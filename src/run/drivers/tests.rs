@@ -8,10 +8,10 @@ use std::time::Duration;
 use tomoswarm_proto::VehicleId;
 
 use super::*;
+use crate::autopilot::{Ack, CommandAck, Mode, Motion, Report, SystemStatus};
 use crate::config::{self, bundled};
 use crate::geom::{Angle, Point, Pose};
 use crate::node::sensor::{Echo, Ping};
-use crate::node::vehicle::{Motion, Telemetry};
 use crate::run::link::{FromWorld, ToWorld, Welcome, decode, encode, read_frame, write_frame};
 
 /// The devices of a vehicle of the bundled place, with a range sensor by this driver, and the world that it found.
@@ -64,9 +64,18 @@ fn measure(devices: &Devices) {
     devices.stop();
 }
 
-fn telemetry() -> Telemetry {
-    let pose = Pose { at: Point::new(1.0, 2.0), heading: Angle::ZERO, sd_m: 0.1 };
-    Telemetry { pose, speed_mps: 0.0, battery: 1.0, motion: Motion::Resting, is_armed: true }
+fn report() -> Report {
+    Report {
+        pose: Pose { at: Point::new(1.0, 2.0), heading: Angle::ZERO, sd_m: 0.1 },
+        altitude_m: 0.0,
+        speed_mps: 0.0,
+        battery: 1.0,
+        motion: Motion::Resting,
+        is_landed: true,
+        mode: Mode::Guided,
+        is_armed: true,
+        status: SystemStatus::Active,
+    }
 }
 
 #[test]
@@ -81,7 +90,8 @@ fn a_ping_goes_to_the_world_only_where_that_has_the_range_sensor() {
         if has_ping {
             assert!(matches!(world.hear(), ToWorld::Ping(Ping { number: 7 })), "{range}");
         }
-        assert!(matches!(world.hear(), ToWorld::Fly(Fly::Stop)), "{range}");
+        let stop = NumberedCommand { number: 0, command: Command::Stop };
+        assert_eq!(world.hear(), ToWorld::Autopilot(stop), "{range}");
     }
 }
 
@@ -91,13 +101,15 @@ fn an_echo_of_the_world_is_no_echo_of_a_real_sensor() {
         let (devices, events, mut world) = devices(range);
         measure(&devices);
         world.say(&FromWorld::Echo(Echo { number: 7, range_m: None }));
-        world.say(&FromWorld::Telemetry(telemetry()));
+        world.say(&FromWorld::Autopilot(report()));
+        world.say(&FromWorld::Ack(Ack { number: 9, result: CommandAck::Accepted, arm_refusal: None }));
         world.say(&FromWorld::Unsent(3));
         let hear = || events.recv_timeout(Duration::from_secs(10)).unwrap();
         if has_echo {
             assert!(matches!(hear(), Event::Echo(Echo { number: 7, range_m: None })), "{range}");
         }
-        assert!(matches!(hear(), Event::Telemetry(_)), "{range}");
+        assert!(matches!(hear(), Event::Report(_)), "{range}");
+        assert!(matches!(hear(), Event::Ack(Ack { number: 9, .. })), "{range}");
         assert!(matches!(hear(), Event::Unsent(3)), "{range}");
         assert_eq!(devices.range_health().map(|health| health.faults), has_echo.then_some(0));
     }

@@ -68,8 +68,8 @@ struct Now {
 }
 
 impl WorldLink {
-    /// Begins to connect, and goes on for ever. `told` gets telemetry, echoes, and beacons heard or not sent, on the link's
-    /// own thread or on that of who sends; while it runs nothing else is read, and it must not send.
+    /// Begins to connect, and goes on for ever. `told` gets what the autopilot says, echoes, and beacons heard or not sent,
+    /// on the link's own thread or on that of who sends; while it runs nothing else is read, and it must not send a beacon.
     ///
     /// # Errors
     /// No thread can be started.
@@ -117,7 +117,7 @@ impl Drop for WorldLink {
 /// Gives the word for what a vehicle wants done, if the world does it.
 fn word(effect: &Effect) -> Option<ToWorld> {
     match effect {
-        Effect::Fly(fly) => Some(ToWorld::Fly(fly.clone())),
+        Effect::Command(command) => Some(ToWorld::Autopilot(command.clone())),
         Effect::Steer(beam) => Some(ToWorld::Steer(*beam)),
         Effect::Ping(ping) => Some(ToWorld::Ping(*ping)),
         Effect::Transmit(beacon) => {
@@ -137,7 +137,8 @@ fn word(effect: &Effect) -> Option<ToWorld> {
 /// Gives what a vehicle is told by a word of the world; `None` for what is not for its actors.
 fn event(word: FromWorld) -> Option<Event> {
     match word {
-        FromWorld::Telemetry(telemetry) => Some(Event::Telemetry(telemetry)),
+        FromWorld::Autopilot(report) => Some(Event::Report(report)),
+        FromWorld::Ack(ack) => Some(Event::Ack(ack)),
         FromWorld::Echo(echo) => Some(Event::Echo(echo)),
         FromWorld::Heard { frame, rssi_dbm } => match codec::decode(&frame) {
             Ok(Decoded::Message(Message::Beacon(beacon))) => Some(Event::Heard(Heard { beacon, rssi_dbm })),

@@ -135,7 +135,7 @@ impl Connection {
             }
             ToWorld::Join { vehicle, boot, .. } => Ok(Inbound::Join { connection, vehicle, boot, outgoing }),
             ToWorld::Control { .. } => Ok(Inbound::Control { connection, outgoing }),
-            ToWorld::Fly(_)
+            ToWorld::Autopilot(_)
             | ToWorld::Steer(_)
             | ToWorld::Ping(_)
             | ToWorld::Transmit(_)

@@ -91,9 +91,8 @@ impl LiveWorld {
     /// Hands on what has happened, and writes down what is asked for later.
     fn report(&mut self, event: WorldEvent, said: &mut Vec<VehicleWord>) {
         match event {
-            WorldEvent::Telemetry { vehicle, telemetry } => {
-                said.push((vehicle, FromWorld::Telemetry(telemetry)));
-            }
+            WorldEvent::Report { vehicle, report } => said.push((vehicle, FromWorld::Autopilot(report))),
+            WorldEvent::Ack { vehicle, ack } => said.push((vehicle, FromWorld::Ack(ack))),
             WorldEvent::Echo { vehicle, echo } => said.push((vehicle, FromWorld::Echo(echo))),
             WorldEvent::Heard { frame, receivers } => {
                 for (vehicle, rssi_dbm) in receivers {
@@ -134,7 +133,7 @@ impl LiveWorld {
         }
         (known.driver, known.highest) = (Some(boot), Some(boot));
         self.environment.attach(self.now, index);
-        let start = self.environment.telemetry(index, self.now).pose;
+        let start = self.environment.known(index, self.now).pose;
         Ok((index, Welcome { now_ns: self.now.as_nanos(), start: Some(start) }))
     }
 
@@ -200,7 +199,7 @@ impl LiveWorld {
 /// Returns what a word wants a device to do; `None` when it is no word for a device, or cannot be understood.
 fn command(word: ToWorld) -> Option<DeviceCommand> {
     match word {
-        ToWorld::Fly(fly) => Some(DeviceCommand::Fly(fly)),
+        ToWorld::Autopilot(command) => Some(DeviceCommand::Autopilot(command)),
         // From outside an angle may be any number.
         ToWorld::Steer(beam) => Some(DeviceCommand::Steer(Angle::from_radians(beam.radians()))),
         ToWorld::Ping(ping) => Some(DeviceCommand::Ping(ping)),

@@ -1,5 +1,5 @@
 //! What is still to be written to one connection: a short queue between the world, which never waits, and a writer,
-//! which may. When it is full the oldest telemetry makes room, or else the oldest frame of all.
+//! which may. When it is full the oldest report makes room, or else the oldest frame of all.
 
 use std::collections::VecDeque;
 use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
@@ -11,7 +11,7 @@ const FRAMES_WAITING: usize = 64;
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub enum Worth {
     /// A newer one says it all.
-    Telemetry,
+    Report,
     /// Nothing else says it.
     Word,
 }
@@ -42,7 +42,7 @@ impl Outgoing {
             return;
         }
         if waiting.frames.len() >= FRAMES_WAITING {
-            let oldest = waiting.frames.iter().position(|(worth, _)| *worth == Worth::Telemetry).unwrap_or(0);
+            let oldest = waiting.frames.iter().position(|(worth, _)| *worth == Worth::Report).unwrap_or(0);
             waiting.frames.remove(oldest);
             waiting.dropped += 1;
         }
@@ -90,7 +90,7 @@ mod tests {
     fn a_full_queue_loses_its_oldest_telemetry_and_keeps_the_words() {
         let outgoing = Outgoing::default();
         for number in 0..100u8 {
-            let worth = if number % 10 == 0 { Worth::Word } else { Worth::Telemetry };
+            let worth = if number % 10 == 0 { Worth::Word } else { Worth::Report };
             outgoing.push(worth, vec![number]);
         }
         let kept: Vec<u8> = drain(&outgoing).into_iter().flatten().collect();

@@ -177,7 +177,7 @@ impl WorldThread {
             }
             ToWorld::Join { .. }
             | ToWorld::Control { .. }
-            | ToWorld::Fly(_)
+            | ToWorld::Autopilot(_)
             | ToWorld::Steer(_)
             | ToWorld::Ping(_)
             | ToWorld::Transmit(_) => FromWorld::Refused(Refused::Garbage),
@@ -188,9 +188,10 @@ impl WorldThread {
 
 fn say(outgoing: &Outgoing, word: &FromWorld) {
     let worth = match word {
-        FromWorld::Telemetry(_) => Worth::Telemetry,
+        FromWorld::Autopilot(_) => Worth::Report,
         FromWorld::Welcome(_)
         | FromWorld::Refused(_)
+        | FromWorld::Ack(_)
         | FromWorld::Echo(_)
         | FromWorld::Heard { .. }
         | FromWorld::Unsent(_)

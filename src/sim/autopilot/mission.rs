@@ -1,9 +1,8 @@
 //! AUTO: the stored mission, item after item.
 
-use super::Autopilot;
-use super::item::Item;
 use super::stages::Stage;
-use super::words::{Kind, Mode, Notice};
+use super::words::StatusText;
+use super::{Autopilot, Item, Kind, Mode};
 
 impl Autopilot {
     /// Begins the mission at its first item after home, or goes on with the one that was under way.
@@ -18,7 +17,7 @@ impl Autopilot {
         let mut index = first;
         while let Some(item) = self.items.get(index).copied() {
             self.item = index;
-            self.say(Notice::Begun(index));
+            self.say(StatusText::Begun(index));
             match item {
                 Item::Speed(speed_mps) => self.speed_mps = speed_mps,
                 Item::Servo { channel, pulse_us } => {
@@ -80,7 +79,7 @@ impl Autopilot {
     fn mission_over(&mut self) {
         self.is_mission_running = false;
         self.item = self.items.len().saturating_sub(1);
-        self.say(Notice::MissionDone);
+        self.say(StatusText::MissionDone);
         match self.settings.kind {
             Kind::Rover => self.enter(Mode::Hold),
             Kind::Copter if self.is_landed(self.now) => self.disarm(),

@@ -1,12 +1,13 @@
 //! A simulated autopilot that behaves like ArduPilot's where a ground station would notice: modes, arming, stored missions,
 //! failsafes; for rovers and copters.
 //!
-//! It is asked ([`Ask`]) and answers at once ([`Answer`]); it reports what is asked for at any moment. What it does is
+//! It serves the terms of any autopilot ([`crate::autopilot`]): it is told a [`Command`] and answers at once
+//! ([`CommandAck`]); what it knows of itself can be read at any moment. What it does is
 //! laid as *stages* (drive, turn, climb, stand), each with a known end, so there is no step size: it may be looked at often
 //! or seldom ([`Autopilot::advance`]), and everything happens at its own moment all the same.
 //!
 //! ```text
-//!   Ask ──► obey ──► stages ──► body, climb          Manual, Hold, Loiter: stay     Guided: what is asked
+//!   Command ──► obey ──► stages ──► body, climb          Manual, Hold, Loiter: stay     Guided: what is asked
 //!             ▲         │ over                       Auto: the next item            Return, Land: stages laid at once
 //!             └─────────┴── next item, failsafe
 //! ```
@@ -15,7 +16,6 @@
 //! gusts are not known, a steady wind carries a copter aside and makes it lean. It speaks no MAVLink and knows no obstacles.
 
 mod flight;
-mod item;
 mod mission;
 mod navigation;
 mod obey;
@@ -28,16 +28,17 @@ use std::collections::{BTreeMap, VecDeque};
 use std::time::Duration;
 
 use super::body::{Body, BodyState, Refusal};
+use crate::autopilot::item::ItemError;
+use crate::autopilot::{ArmRefusal, Command, CommandAck, Item, Kind, Mode, SystemStatus};
 use crate::geom::{Angle, Attitude, Point, Pose, Vector};
 use crate::time::Time;
 
 pub use flight::Climb;
-pub use item::{ITEMS_MAX, Item, ItemError, check_items};
 pub use navigation::{Navigation, Outage};
 use stages::Stage;
-pub use words::{Answer, Ask, Kind, LowBattery, Mode, Notice, Noticed, Report, Settings, SystemStatus};
+pub use words::{DatedText, LowBattery, Readout, Settings, StatusText};
 
-/// Notices that nobody takes are dropped, the oldest first, beyond this many.
+/// Status texts that nobody takes are dropped, the oldest first, beyond this many.
 const NOTICES: usize = 256;
 /// A copter counts as landed at or below this altitude, metres.
 const LANDED_M: f64 = 0.05;
@@ -68,7 +69,7 @@ pub struct Autopilot {
     idle_since: Time,
     /// Up to here everything that was due has happened.
     now: Time,
-    notices: VecDeque<Noticed>,
+    notices: VecDeque<DatedText>,
     /// Counts the changes of its motion.
     motions: u64,
 }
@@ -241,8 +242,8 @@ impl Autopilot {
         self.failsafe.is_battery_empty &= self.charge <= 0.0;
     }
 
-    /// Gives what it has said since the last call, in order.
-    pub fn notices(&mut self) -> Vec<Noticed> {
+    /// Returns what it has said since the last call, in order.
+    pub fn status_texts(&mut self) -> Vec<DatedText> {
         self.notices.drain(..).collect()
     }
 
@@ -256,10 +257,10 @@ impl Autopilot {
     }
 
     /// Gives what it reports at a moment; call [`Autopilot::advance`] first.
-    pub fn report(&self, now: Time) -> Report {
+    pub fn report(&self, now: Time) -> Readout {
         let truth = self.truth(now);
         let at = truth.at + self.place_error(now);
-        Report {
+        Readout {
             pose: Pose { at, heading: truth.heading, sd_m: self.navigation.sd_m(now) },
             altitude_m: self.altitude_m(now),
             attitude: self.attitude(now),
@@ -294,7 +295,7 @@ impl Autopilot {
         is_known && self.now >= Time::ZERO + self.settings.place_after
     }
 
-    fn say(&mut self, notice: Notice) {
+    fn say(&mut self, notice: StatusText) {
         if self.notices.len() >= NOTICES {
             self.notices.pop_front();
         }
@@ -332,12 +333,12 @@ impl Autopilot {
             Due::StageOver => self.end_stage(),
             Due::BatteryLow => {
                 self.failsafe.is_battery_low = true;
-                self.say(Notice::BatteryLow);
+                self.say(StatusText::BatteryLow);
                 self.act_on_low_battery();
             }
             Due::BatteryEmpty => {
                 self.failsafe.is_battery_empty = true;
-                self.say(Notice::BatteryEmpty);
+                self.say(StatusText::BatteryEmpty);
                 self.stop_for_good();
             }
             Due::PlaceLost => self.lose_place(),
@@ -360,7 +361,7 @@ impl Autopilot {
     /// Who does not know its place any more stands, or comes down where it is.
     fn lose_place(&mut self) {
         self.failsafe.is_lost = true;
-        self.say(Notice::PlaceLost);
+        self.say(StatusText::PlaceLost);
         if self.is_armed && self.mode.needs_place() {
             self.enter(match self.settings.kind {
                 Kind::Rover => Mode::Hold,
@@ -394,11 +395,12 @@ impl Autopilot {
         moves_s / driving.as_secs_f64() + (all_s - moves_s).max(0.0) / resting.as_secs_f64()
     }
 
-    /// Until when it uses what motion takes; a copter in the air always does.
+    /// Until when it uses what motion takes; a copter in the air always does, as long as its motors turn.
     fn moves_until(&self) -> Time {
         let arrival = self.body.arrival().unwrap_or(Time::ZERO).max(self.climb.until());
-        let flies =
-            self.settings.kind == Kind::Copter && (!self.is_landed(self.now) || self.climb.to_m > LANDED_M);
+        let flies = self.settings.kind == Kind::Copter
+            && self.is_armed
+            && (!self.is_landed(self.now) || self.climb.to_m > LANDED_M);
         if flies { Time::NEVER } else { arrival.max(self.now) }
     }
 

@@ -1,9 +1,9 @@
 //! What is asked of an autopilot, and when it says no.
 
-use super::item::{check_items, is_altitude, is_output, is_place, is_speed};
 use super::stages::Stage;
-use super::words::{Answer, Ask, Kind, Mode, Notice};
-use super::{Autopilot, Item, ItemError};
+use super::words::StatusText;
+use super::{ArmRefusal, Autopilot, Command, CommandAck, Item, ItemError, Kind, Mode};
+use crate::autopilot::item::{check_items, is_altitude, is_output, is_place, is_speed};
 use crate::geom::{Point, Vector};
 use crate::time::Time;
 
@@ -13,49 +13,49 @@ const VELOCITY_HOLDS_S: f64 = 3.0;
 const STANDING_MPS: f64 = 0.001;
 
 impl Autopilot {
-    /// Asks for something, now; gives the answer. What was due before has happened then.
-    pub fn ask(&mut self, now: Time, ask: Ask) -> Answer {
+    /// Takes a command, now; returns the answer. What was due before has happened then.
+    pub fn command(&mut self, now: Time, command: Command) -> CommandAck {
         self.advance(now);
-        match ask {
-            Ask::Mode(mode) => self.change_mode(mode),
-            Ask::Arm { force } => self.arm(force),
-            Ask::Disarm { force } => {
+        match command {
+            Command::Mode(mode) => self.change_mode(mode),
+            Command::Arm { force } => self.arm(force),
+            Command::Disarm { force } => {
                 if !force && !self.is_landed(self.now) {
-                    return Answer::Failed;
+                    return CommandAck::Failed;
                 }
                 self.disarm();
-                Answer::Accepted
+                CommandAck::Accepted
             }
-            Ask::Takeoff { altitude_m } => self.take_off(altitude_m),
-            Ask::Route { corners, altitude_m, speed_mps } => self.go(corners, altitude_m, speed_mps),
-            Ask::Velocity(velocity) => self.move_on(velocity),
-            Ask::Yaw(heading) if !heading.radians().is_finite() => Answer::Denied,
-            Ask::Yaw(heading) => self.guided([Stage::Turn(heading)]),
-            Ask::Stop => self.guided([Stage::Brake]),
-            Ask::Upload(items) => match self.upload(now, items) {
-                Ok(()) => Answer::Accepted,
-                Err(_) => Answer::Denied,
+            Command::Takeoff { altitude_m } => self.take_off(altitude_m),
+            Command::Route { corners, altitude_m, speed_mps } => self.go(corners, altitude_m, speed_mps),
+            Command::Velocity(velocity) => self.move_on(velocity),
+            Command::Yaw(heading) if !heading.radians().is_finite() => CommandAck::Denied,
+            Command::Yaw(heading) => self.guided([Stage::Turn(heading)]),
+            Command::Stop => self.guided([Stage::Brake]),
+            Command::Upload(items) => match self.upload(now, items) {
+                Ok(()) => CommandAck::Accepted,
+                Err(_) => CommandAck::Denied,
             },
-            Ask::Clear => {
+            Command::Clear => {
                 self.forget_mission();
-                Answer::Accepted
+                CommandAck::Accepted
             }
-            Ask::Begin => self.begin(),
-            Ask::SetCurrent(item) => self.set_current(item),
-            Ask::Speed(speed_mps) if !is_speed(speed_mps) => Answer::Denied,
-            Ask::Speed(speed_mps) => {
+            Command::Begin => self.begin(),
+            Command::SetCurrent(item) => self.set_current(item),
+            Command::Speed(speed_mps) if !is_speed(speed_mps) => CommandAck::Denied,
+            Command::Speed(speed_mps) => {
                 self.speed_mps = speed_mps;
-                Answer::Accepted
+                CommandAck::Accepted
             }
-            Ask::Servo { channel, pulse_us } if !is_output(channel, pulse_us) => Answer::Denied,
-            Ask::Servo { channel, pulse_us } => {
+            Command::Servo { channel, pulse_us } if !is_output(channel, pulse_us) => CommandAck::Denied,
+            Command::Servo { channel, pulse_us } => {
                 self.servos.insert(channel, pulse_us);
-                Answer::Accepted
+                CommandAck::Accepted
             }
-            Ask::SetHome(at) if !is_place(at) => Answer::Denied,
-            Ask::SetHome(at) => {
+            Command::SetHome(at) if !is_place(at) => CommandAck::Denied,
+            Command::SetHome(at) => {
                 self.home = Some(at);
-                Answer::Accepted
+                CommandAck::Accepted
             }
         }
     }
@@ -84,7 +84,7 @@ impl Autopilot {
     pub(super) fn enter(&mut self, mode: Mode) {
         if mode != self.mode {
             self.mode = mode;
-            self.say(Notice::Mode(mode));
+            self.say(StatusText::Mode(mode));
         }
         self.is_mission_running = false;
         if !self.is_armed {
@@ -99,17 +99,17 @@ impl Autopilot {
         }
     }
 
-    fn change_mode(&mut self, mode: Mode) -> Answer {
+    fn change_mode(&mut self, mode: Mode) -> CommandAck {
         let is_missing = !mode.is_of(self.settings.kind);
         let is_blind = mode.needs_place() && !self.has_place();
         if is_missing || is_blind || (mode == Mode::Auto && !self.can_begin()) {
-            return Answer::Failed;
+            return CommandAck::Failed;
         }
         // Said again it changes nothing: a mission goes on.
         if mode != self.mode {
             self.enter(mode);
         }
-        Answer::Accepted
+        CommandAck::Accepted
     }
 
     /// Tells whether there is a mission that could be flown from here: from the ground a copter must take off first.
@@ -122,58 +122,70 @@ impl Autopilot {
         }
     }
 
-    fn arm(&mut self, force: bool) -> Answer {
+    fn arm(&mut self, force: bool) -> CommandAck {
         if self.is_armed {
-            return Answer::Accepted;
+            return CommandAck::Accepted;
         }
-        if !force && !self.may_arm() {
-            return Answer::Failed;
-        }
-        if self.failsafe.is_battery_empty {
-            return Answer::Failed;
+        if self.arm_refusal(force).is_some() {
+            return CommandAck::Failed;
         }
         (self.is_armed, self.idle_since) = (true, self.now);
-        self.say(Notice::Armed(true));
+        self.say(StatusText::Armed(true));
         let here = self.body.pose_at(self.now).at + self.place_error(self.now);
         self.home.get_or_insert(here);
         if self.mode == Mode::Auto {
             (self.item, self.is_mission_running) = (0, false);
             self.run_mission();
         }
-        Answer::Accepted
+        CommandAck::Accepted
     }
 
-    fn may_arm(&self) -> bool {
-        let is_ready = self.now >= Time::ZERO + self.settings.ready_after;
-        let is_mode = match self.mode {
+    /// Returns why it would not arm now; `None` when it would, or is armed. An empty battery cannot be forced.
+    pub fn arm_refusal(&self, force: bool) -> Option<ArmRefusal> {
+        if self.is_armed {
+            return None;
+        }
+        if self.failsafe.is_battery_empty {
+            return Some(ArmRefusal::BatteryEmpty);
+        }
+        if force {
+            return None;
+        }
+        if self.now < Time::ZERO + self.settings.ready_after {
+            return Some(ArmRefusal::NotReady);
+        }
+        let arms = match self.mode {
             Mode::Return | Mode::Land => false,
             Mode::Auto => self.settings.kind == Kind::Rover,
             Mode::Manual | Mode::Hold | Mode::Loiter | Mode::Guided => true,
         };
-        is_ready && is_mode && (!self.mode.needs_place() || self.has_place())
+        if !arms {
+            return Some(ArmRefusal::Mode(self.mode));
+        }
+        (self.mode.needs_place() && !self.has_place()).then_some(ArmRefusal::NoPlace)
     }
 
-    fn take_off(&mut self, altitude_m: f64) -> Answer {
+    fn take_off(&mut self, altitude_m: f64) -> CommandAck {
         if self.settings.kind == Kind::Rover {
-            return Answer::Unsupported;
+            return CommandAck::Unsupported;
         }
         if !(altitude_m > 0.0 && is_altitude(altitude_m)) {
-            return Answer::Denied;
+            return CommandAck::Denied;
         }
         if !self.is_landed(self.now) || self.ends().is_some() {
-            return Answer::Failed;
+            return CommandAck::Failed;
         }
         self.guided([Stage::Climb { to_m: altitude_m, rate_mps: self.settings.climb_mps }])
     }
 
-    fn go(&mut self, corners: Vec<Point>, altitude_m: Option<f64>, speed_mps: Option<f64>) -> Answer {
+    fn go(&mut self, corners: Vec<Point>, altitude_m: Option<f64>, speed_mps: Option<f64>) -> CommandAck {
         let speed_mps = speed_mps.unwrap_or(self.speed_mps);
         let are_sound = corners.iter().all(|corner| is_place(*corner)) && altitude_m.is_none_or(is_altitude);
         if !are_sound || speed_mps.is_nan() || speed_mps < STANDING_MPS {
-            return Answer::Denied;
+            return CommandAck::Denied;
         }
         if self.settings.kind == Kind::Copter && self.is_landed(self.now) {
-            return Answer::Failed;
+            return CommandAck::Failed;
         }
         let altitude_m = altitude_m.unwrap_or_else(|| self.climb.altitude_m(self.now));
         let stages = self.way_to(corners, altitude_m, speed_mps);
@@ -181,10 +193,10 @@ impl Autopilot {
     }
 
     /// Moves along a velocity so far that it has come to rest after the time for which it holds and that of braking.
-    fn move_on(&mut self, velocity: Vector) -> Answer {
+    fn move_on(&mut self, velocity: Vector) -> CommandAck {
         let speed_mps = velocity.length_m();
         if !speed_mps.is_finite() {
-            return Answer::Denied;
+            return CommandAck::Denied;
         }
         if speed_mps < STANDING_MPS {
             return self.guided([Stage::Brake]);
@@ -196,17 +208,17 @@ impl Autopilot {
         self.go(vec![goal], None, Some(top_mps))
     }
 
-    fn guided(&mut self, stages: impl IntoIterator<Item = Stage>) -> Answer {
+    fn guided(&mut self, stages: impl IntoIterator<Item = Stage>) -> CommandAck {
         if self.mode != Mode::Guided || !self.is_armed {
-            return Answer::Failed;
+            return CommandAck::Failed;
         }
         self.lay(stages);
-        Answer::Accepted
+        CommandAck::Accepted
     }
 
-    fn begin(&mut self) -> Answer {
+    fn begin(&mut self) -> CommandAck {
         if !self.is_armed || !self.has_place() || !self.can_begin() {
-            return Answer::Failed;
+            return CommandAck::Failed;
         }
         if self.mode != Mode::Auto {
             self.enter(Mode::Auto);
@@ -214,18 +226,18 @@ impl Autopilot {
             self.item = 0;
             self.run_mission();
         }
-        Answer::Accepted
+        CommandAck::Accepted
     }
 
-    fn set_current(&mut self, item: usize) -> Answer {
+    fn set_current(&mut self, item: usize) -> CommandAck {
         if item >= self.items.len() {
-            return Answer::Denied;
+            return CommandAck::Denied;
         }
         self.item = item;
         if self.mode == Mode::Auto && self.is_armed {
             self.is_mission_running = true;
             self.begin_from(item.max(1));
         }
-        Answer::Accepted
+        CommandAck::Accepted
     }
 }

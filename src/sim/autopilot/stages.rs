@@ -3,8 +3,8 @@
 use std::time::Duration;
 
 use super::flight::Climb;
-use super::words::{Kind, Mode, Notice};
-use super::{Autopilot, LANDED_M};
+use super::words::StatusText;
+use super::{Autopilot, Kind, LANDED_M, Mode};
 use crate::geom::{Angle, Point, Vector};
 use crate::time::Time;
 
@@ -123,7 +123,7 @@ impl Autopilot {
     /// All stages are over: the mission goes on, or it stays where it is.
     fn stages_over(&mut self) {
         if self.mode == Mode::Auto && self.is_mission_running {
-            self.say(Notice::Reached(self.item));
+            self.say(StatusText::Reached(self.item));
             self.next_item();
         }
     }
@@ -179,7 +179,7 @@ impl Autopilot {
         self.motions += 1;
         self.stage_ends = None;
         if std::mem::take(&mut self.is_armed) {
-            self.say(Notice::Armed(false));
+            self.say(StatusText::Armed(false));
         }
     }
 

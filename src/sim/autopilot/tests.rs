@@ -30,14 +30,14 @@ fn autopilot(kind: Kind) -> Autopilot {
 /// Switched on a minute ago, armed, in GUIDED.
 fn ready(kind: Kind) -> Autopilot {
     let mut autopilot = autopilot(kind);
-    for ask in [Ask::Mode(Mode::Guided), Ask::Arm { force: false }] {
-        assert_eq!(autopilot.ask(secs(60.0), ask), Answer::Accepted);
+    for ask in [Command::Mode(Mode::Guided), Command::Arm { force: false }] {
+        assert_eq!(autopilot.command(secs(60.0), ask), CommandAck::Accepted);
     }
     autopilot
 }
 
-fn go(x_m: f64, y_m: f64) -> Ask {
-    Ask::Route { corners: vec![point(x_m, y_m)], altitude_m: None, speed_mps: None }
+fn go(x_m: f64, y_m: f64) -> Command {
+    Command::Route { corners: vec![point(x_m, y_m)], altitude_m: None, speed_mps: None }
 }
 
 /// Lets it go on until nothing more happens by itself but what the battery does; gives when that was.
@@ -67,16 +67,16 @@ fn waypoint(x_m: f64, y_m: f64, altitude_m: f64) -> Item {
     Item::Waypoint { at: point(x_m, y_m), altitude_m, delay: Duration::ZERO }
 }
 
-fn reached(notices: &[Noticed]) -> Vec<usize> {
-    let item = |(_, notice): &Noticed| match notice {
-        Notice::Reached(item) => Some(*item),
-        Notice::Mode(_)
-        | Notice::Armed(_)
-        | Notice::Begun(_)
-        | Notice::MissionDone
-        | Notice::BatteryLow
-        | Notice::BatteryEmpty
-        | Notice::PlaceLost => None,
+fn reached(notices: &[DatedText]) -> Vec<usize> {
+    let item = |(_, notice): &DatedText| match notice {
+        StatusText::Reached(item) => Some(*item),
+        StatusText::Mode(_)
+        | StatusText::Armed(_)
+        | StatusText::Begun(_)
+        | StatusText::MissionDone
+        | StatusText::BatteryLow
+        | StatusText::BatteryEmpty
+        | StatusText::PlaceLost => None,
     };
     notices.iter().filter_map(item).collect()
 }
@@ -85,10 +85,10 @@ fn reached(notices: &[Noticed]) -> Vec<usize> {
 fn it_is_armed_after_22_s_and_where_a_place_is_needed_after_42_s() {
     let arms = |now_s: f64, mode: Mode| {
         let mut autopilot = autopilot(Kind::Copter);
-        let changed = autopilot.ask(secs(now_s), Ask::Mode(mode));
-        (changed, autopilot.ask(secs(now_s), Ask::Arm { force: false }))
+        let changed = autopilot.command(secs(now_s), Command::Mode(mode));
+        (changed, autopilot.command(secs(now_s), Command::Arm { force: false }))
     };
-    use Answer::{Accepted, Failed};
+    use CommandAck::{Accepted, Failed};
     assert_eq!(arms(21.0, Mode::Manual).1, Failed);
     assert_eq!(arms(22.0, Mode::Manual).1, Accepted);
     assert_eq!(arms(41.0, Mode::Guided).0, Failed);
@@ -97,48 +97,55 @@ fn it_is_armed_after_22_s_and_where_a_place_is_needed_after_42_s() {
     assert_eq!(arms(60.0, Mode::Land), (Accepted, Failed));
     assert_eq!(arms(60.0, Mode::Hold), (Failed, Accepted), "no copter has it");
     let mut forced = autopilot(Kind::Copter);
-    assert_eq!(forced.ask(secs(1.0), Ask::Arm { force: true }), Accepted);
+    assert_eq!(forced.command(secs(1.0), Command::Arm { force: true }), Accepted);
 }
 
 #[test]
 fn who_is_not_armed_or_not_in_guided_goes_nowhere() {
     let mut rover = autopilot(Kind::Rover);
-    rover.ask(secs(60.0), Ask::Mode(Mode::Guided));
-    assert_eq!(rover.ask(secs(60.0), go(5.0, 0.0)), Answer::Failed);
+    rover.command(secs(60.0), Command::Mode(Mode::Guided));
+    assert_eq!(rover.command(secs(60.0), go(5.0, 0.0)), CommandAck::Failed);
     let mut rover = ready(Kind::Rover);
-    assert_eq!(rover.ask(secs(61.0), Ask::Mode(Mode::Loiter)), Answer::Accepted);
-    assert_eq!(rover.ask(secs(62.0), go(5.0, 0.0)), Answer::Failed);
-    assert_eq!(ready(Kind::Copter).ask(secs(61.0), go(5.0, 0.0)), Answer::Failed, "it has not taken off");
+    assert_eq!(rover.command(secs(61.0), Command::Mode(Mode::Loiter)), CommandAck::Accepted);
+    assert_eq!(rover.command(secs(62.0), go(5.0, 0.0)), CommandAck::Failed);
+    assert_eq!(
+        ready(Kind::Copter).command(secs(61.0), go(5.0, 0.0)),
+        CommandAck::Failed,
+        "it has not taken off"
+    );
     check_near(place(&rover, secs(90.0)), (0.0, 0.0, 0.0));
 }
 
 #[test]
 fn what_makes_no_sense_is_denied_and_changes_nothing() {
     let mut rover = ready(Kind::Rover);
-    rover.ask(secs(60.0), go(50.0, 0.0));
+    rover.command(secs(60.0), go(50.0, 0.0));
     let ends = rover.next_change();
     let nan = f64::NAN;
     let asks = [
         go(nan, 0.0),
         go(0.0, 1e7),
-        Ask::Route { corners: vec![point(1.0, 0.0)], altitude_m: Some(nan), speed_mps: None },
-        Ask::Route { corners: vec![point(1.0, 0.0)], altitude_m: None, speed_mps: Some(0.0) },
-        Ask::Velocity(Vector::new(nan, 0.0)),
-        Ask::Yaw(Angle::from_radians(nan)),
-        Ask::Speed(-1.0),
-        Ask::Servo { channel: 0, pulse_us: 1500 },
-        Ask::Servo { channel: 1, pulse_us: 60_000 },
-        Ask::SetHome(point(nan, 0.0)),
-        Ask::SetCurrent(1),
-        Ask::Upload(vec![waypoint(0.0, 0.0, 0.0), waypoint(nan, 0.0, 0.0)]),
+        Command::Route { corners: vec![point(1.0, 0.0)], altitude_m: Some(nan), speed_mps: None },
+        Command::Route { corners: vec![point(1.0, 0.0)], altitude_m: None, speed_mps: Some(0.0) },
+        Command::Velocity(Vector::new(nan, 0.0)),
+        Command::Yaw(Angle::from_radians(nan)),
+        Command::Speed(-1.0),
+        Command::Servo { channel: 0, pulse_us: 1500 },
+        Command::Servo { channel: 1, pulse_us: 60_000 },
+        Command::SetHome(point(nan, 0.0)),
+        Command::SetCurrent(1),
+        Command::Upload(vec![waypoint(0.0, 0.0, 0.0), waypoint(nan, 0.0, 0.0)]),
     ];
     for ask in asks {
-        assert_eq!(rover.ask(secs(61.0), ask.clone()), Answer::Denied, "{ask:?}");
+        assert_eq!(rover.command(secs(61.0), ask.clone()), CommandAck::Denied, "{ask:?}");
         assert_eq!(rover.next_change(), ends, "{ask:?}");
     }
-    let takes_off = rover.ask(secs(61.0), Ask::Takeoff { altitude_m: 5.0 });
-    assert_eq!((takes_off, takes_off.code()), (Answer::Unsupported, 3));
-    assert_eq!([Answer::Accepted, Answer::Denied, Answer::Failed].map(Answer::code), [0, 2, 4]);
+    let takes_off = rover.command(secs(61.0), Command::Takeoff { altitude_m: 5.0 });
+    assert_eq!((takes_off, takes_off.code()), (CommandAck::Unsupported, 3));
+    assert_eq!(
+        [CommandAck::Accepted, CommandAck::Denied, CommandAck::Failed].map(CommandAck::code),
+        [0, 2, 4]
+    );
 }
 
 #[test]
@@ -194,7 +201,7 @@ fn a_rover_drives_its_mission_and_holds_after_it() {
         Item::Return,
     ];
     rover.upload(secs(60.0), items).unwrap();
-    assert_eq!(rover.ask(secs(60.0), Ask::Mode(Mode::Auto)), Answer::Accepted);
+    assert_eq!(rover.command(secs(60.0), Command::Mode(Mode::Auto)), CommandAck::Accepted);
     // 10 m at 1 m/s: 11 s by its trapezoid; then 3 s and 2 s of standing, and 1.57 s for the turn.
     rover.advance(secs(70.9));
     assert_eq!((rover.report(secs(70.9)).item, rover.report(secs(70.9)).servos.len()), (2, 0));
@@ -207,10 +214,10 @@ fn a_rover_drives_its_mission_and_holds_after_it() {
     let end = settle(&mut rover, secs(77.58));
     assert_eq!((rover.mode(), rover.is_armed()), (Mode::Hold, true));
     check_near(place(&rover, end), (0.0, 0.0, 0.0));
-    let notices = rover.notices();
+    let notices = rover.status_texts();
     assert_eq!(reached(&notices), [2, 4, 5, 6, 7]);
-    assert!(notices.contains(&(end, Notice::MissionDone)), "{notices:?}");
-    assert!(rover.notices().is_empty(), "said once");
+    assert!(notices.contains(&(end, StatusText::MissionDone)), "{notices:?}");
+    assert!(rover.status_texts().is_empty(), "said once");
 }
 
 #[test]
@@ -224,14 +231,14 @@ fn a_copter_flies_its_mission_lands_and_is_disarmed() {
         Item::Land { at: Some(point(0.0, 6.0)) },
     ];
     copter.upload(secs(60.0), items).unwrap();
-    assert_eq!(copter.ask(secs(60.0), Ask::Begin), Answer::Accepted);
+    assert_eq!(copter.command(secs(60.0), Command::Begin), CommandAck::Accepted);
     copter.advance(secs(61.0));
     check_near(place(&copter, secs(61.0)), (0.0, 0.0, 2.5));
     assert_eq!(copter.report(secs(61.0)).climb_mps, 2.5);
     let end = settle(&mut copter, secs(61.0));
     check_near(place(&copter, end), (0.0, 6.0, 0.0));
     assert!(!copter.is_armed() && copter.is_landed(end));
-    assert_eq!(reached(&copter.notices()), [1, 2, 3, 4]);
+    assert_eq!(reached(&copter.status_texts()), [1, 2, 3, 4]);
     // The way: 2 s up; 8 m in 6 s; 90° in 1.57 s, 6 m in 5 s, 2 m down at 1.5 m/s, 4 s; 90°, 8 m, 3 m down at 0.5 m/s.
     let turn_s = std::f64::consts::FRAC_PI_2;
     let expected_s = 2.0 + 6.0 + (turn_s + 5.0 + 2.0 / 1.5 + 4.0) + (turn_s + 6.0 + 6.0);
@@ -241,12 +248,12 @@ fn a_copter_flies_its_mission_lands_and_is_disarmed() {
 #[test]
 fn on_the_ground_a_copters_mission_begins_with_a_takeoff_or_not_at_all() {
     let mut copter = ready(Kind::Copter);
-    assert_eq!(copter.ask(secs(60.0), Ask::Mode(Mode::Auto)), Answer::Failed, "there is none");
+    assert_eq!(copter.command(secs(60.0), Command::Mode(Mode::Auto)), CommandAck::Failed, "there is none");
     copter.upload(secs(60.0), vec![waypoint(0.0, 0.0, 0.0), waypoint(5.0, 0.0, 5.0)]).unwrap();
-    assert_eq!(copter.ask(secs(60.0), Ask::Mode(Mode::Auto)), Answer::Failed);
-    assert_eq!(copter.ask(secs(60.0), Ask::Begin), Answer::Failed);
-    copter.ask(secs(60.0), Ask::Takeoff { altitude_m: 2.0 });
-    assert_eq!(copter.ask(secs(62.0), Ask::Mode(Mode::Auto)), Answer::Accepted);
+    assert_eq!(copter.command(secs(60.0), Command::Mode(Mode::Auto)), CommandAck::Failed);
+    assert_eq!(copter.command(secs(60.0), Command::Begin), CommandAck::Failed);
+    copter.command(secs(60.0), Command::Takeoff { altitude_m: 2.0 });
+    assert_eq!(copter.command(secs(62.0), Command::Mode(Mode::Auto)), CommandAck::Accepted);
     let end = settle(&mut copter, secs(62.0));
     check_near(place(&copter, end), (5.0, 0.0, 5.0));
     assert_eq!((copter.mode(), copter.is_armed()), (Mode::Auto, true), "it hovers after its mission");
@@ -257,16 +264,16 @@ fn a_mission_is_interrupted_and_goes_on_with_the_item_under_way() {
     let mut rover = ready(Kind::Rover);
     let items = vec![waypoint(0.0, 0.0, 0.0), waypoint(10.0, 0.0, 0.0), waypoint(10.0, 10.0, 0.0)];
     rover.upload(secs(60.0), items).unwrap();
-    rover.ask(secs(60.0), Ask::Mode(Mode::Auto));
-    assert_eq!(rover.ask(secs(69.0), Ask::Mode(Mode::Hold)), Answer::Accepted);
+    rover.command(secs(60.0), Command::Mode(Mode::Auto));
+    assert_eq!(rover.command(secs(69.0), Command::Mode(Mode::Hold)), CommandAck::Accepted);
     let stood = settle(&mut rover, secs(69.0));
     assert_eq!(rover.report(stood).item, 2);
     let before = place(&rover, stood);
     assert_eq!(before, place(&rover, secs(500.0)), "it stays");
-    rover.ask(secs(500.0), Ask::Mode(Mode::Auto));
+    rover.command(secs(500.0), Command::Mode(Mode::Auto));
     let end = settle(&mut rover, secs(500.0));
     check_near(place(&rover, end), (10.0, 10.0, 0.0));
-    assert_eq!(reached(&rover.notices()), [1, 2]);
+    assert_eq!(reached(&rover.status_texts()), [1, 2]);
 }
 
 #[test]
@@ -275,9 +282,9 @@ fn setting_the_current_item_to_one_that_takes_no_time_goes_on_to_the_next_that_d
     let items =
         vec![waypoint(0.0, 0.0, 0.0), waypoint(10.0, 0.0, 0.0), Item::Speed(0.5), waypoint(0.0, 4.0, 0.0)];
     rover.upload(secs(60.0), items).unwrap();
-    rover.ask(secs(60.0), Ask::Mode(Mode::Auto));
-    assert_eq!(rover.ask(secs(60.5), Ask::SetCurrent(4)), Answer::Denied);
-    assert_eq!(rover.ask(secs(61.0), Ask::SetCurrent(2)), Answer::Accepted);
+    rover.command(secs(60.0), Command::Mode(Mode::Auto));
+    assert_eq!(rover.command(secs(60.5), Command::SetCurrent(4)), CommandAck::Denied);
+    assert_eq!(rover.command(secs(61.0), Command::SetCurrent(2)), CommandAck::Accepted);
     assert_eq!(rover.report(secs(61.0)).item, 3);
     let end = settle(&mut rover, secs(61.0));
     check_near(place(&rover, end), (0.0, 4.0, 0.0));
@@ -286,10 +293,10 @@ fn setting_the_current_item_to_one_that_takes_no_time_goes_on_to_the_next_that_d
 #[test]
 fn a_copter_returns_at_its_altitude_of_return_and_lands_at_home() {
     let mut copter = ready(Kind::Copter);
-    copter.ask(secs(60.0), Ask::Takeoff { altitude_m: 3.0 });
-    copter.ask(secs(62.0), go(20.0, 0.0));
+    copter.command(secs(60.0), Command::Takeoff { altitude_m: 3.0 });
+    copter.command(secs(62.0), go(20.0, 0.0));
     let there = settle(&mut copter, secs(62.0));
-    assert_eq!(copter.ask(there, Ask::Mode(Mode::Return)), Answer::Accepted);
+    assert_eq!(copter.command(there, Command::Mode(Mode::Return)), CommandAck::Accepted);
     let (mut highest_m, mut now) = (0.0f64, there);
     while copter.is_armed() {
         now = now + Duration::from_millis(100);
@@ -304,9 +311,9 @@ fn a_copter_returns_at_its_altitude_of_return_and_lands_at_home() {
 #[test]
 fn a_rover_returns_straight_and_stays() {
     let mut rover = ready(Kind::Rover);
-    rover.ask(secs(60.0), go(6.0, 8.0));
+    rover.command(secs(60.0), go(6.0, 8.0));
     let there = settle(&mut rover, secs(60.0));
-    rover.ask(there, Ask::Mode(Mode::Return));
+    rover.command(there, Command::Mode(Mode::Return));
     let end = settle(&mut rover, there);
     check_near(place(&rover, end), (0.0, 0.0, 0.0));
     assert_eq!((rover.mode(), rover.is_armed()), (Mode::Return, true));
@@ -315,11 +322,11 @@ fn a_rover_returns_straight_and_stays() {
 #[test]
 fn in_the_air_nobody_is_disarmed_but_by_force_and_landing_disarms() {
     let mut copter = ready(Kind::Copter);
-    copter.ask(secs(60.0), Ask::Takeoff { altitude_m: 12.0 });
+    copter.command(secs(60.0), Command::Takeoff { altitude_m: 12.0 });
     let up = settle(&mut copter, secs(60.0));
-    assert_eq!(copter.ask(up, Ask::Disarm { force: false }), Answer::Failed);
+    assert_eq!(copter.command(up, Command::Disarm { force: false }), CommandAck::Failed);
     assert_eq!(copter.report(up).status, SystemStatus::Active);
-    copter.ask(up, Ask::Mode(Mode::Land));
+    copter.command(up, Command::Mode(Mode::Land));
     // 2 m at 1.5 m/s, then 10 m at 0.5 m/s.
     let end = settle(&mut copter, up);
     assert!((end.since(up).as_secs_f64() - 2.0 / 1.5 - 20.0).abs() < 1e-6);
@@ -343,14 +350,14 @@ fn an_armed_copter_that_does_not_take_off_is_disarmed_and_a_rover_is_not() {
 #[test]
 fn a_velocity_holds_for_three_seconds_and_then_it_brakes() {
     let mut rover = ready(Kind::Rover);
-    let ahead = || Ask::Velocity(Vector::new(1.0, 0.0));
-    rover.ask(secs(60.0), ahead());
+    let ahead = || Command::Velocity(Vector::new(1.0, 0.0));
+    rover.command(secs(60.0), ahead());
     rover.advance(secs(62.9));
     assert!((rover.truth(secs(62.9)).speed_mps - 1.0).abs() < 1e-6);
     let end = settle(&mut rover, secs(62.9));
     assert!((end.as_secs_f64() - 64.5).abs() < 1e-6, "{end}");
     for second in 100..120 {
-        rover.ask(secs(f64::from(second)), ahead());
+        rover.command(secs(f64::from(second)), ahead());
         assert!(second == 100 || rover.truth(secs(f64::from(second))).speed_mps > 0.99);
     }
 }
@@ -362,22 +369,22 @@ fn the_battery_lasts_as_long_as_it_should_and_what_follows_is_a_choice() {
         let settings = Settings { on_low_battery, endurance_driving, ..Settings::new(Kind::Rover, LIMITS) };
         let mut rover =
             Autopilot::new(settings, sure(0.0), Point::default(), Angle::default()).unwrap().under_way(0.0);
-        rover.ask(secs(50.0), go(1000.0, 0.0));
+        rover.command(secs(50.0), go(1000.0, 0.0));
         rover.advance(secs(60.0));
-        rover.notices();
+        rover.status_texts();
         (rover.battery(), rover)
     };
     // 50 s of rest at 36,000 s, then 10 s of driving at 100 s.
     let (left, mut rover) = drive(LowBattery::Warn);
     assert!((left - (1.0 - 50.0 / 36_000.0 - 0.1)).abs() < 1e-9, "{left}");
     rover.advance(secs(149.0));
-    let [(low, Notice::BatteryLow)] = rover.notices()[..] else { panic!("it is low") };
+    let [(low, StatusText::BatteryLow)] = rover.status_texts()[..] else { panic!("it is low") };
     assert!((low.as_secs_f64() - (50.0 + 100.0 * (0.8 - 50.0 / 36_000.0))).abs() < 1e-6, "{low}");
     assert!(rover.truth(secs(149.0)).speed_mps > 1.9, "it drives on");
     rover.advance(secs(200.0));
     assert_eq!((rover.is_armed(), rover.battery()), (false, 0.0));
     assert_eq!(rover.truth(secs(200.0)).speed_mps, 0.0);
-    assert_eq!(rover.ask(secs(201.0), Ask::Arm { force: true }), Answer::Failed);
+    assert_eq!(rover.command(secs(201.0), Command::Arm { force: true }), CommandAck::Failed);
     for (choice, mode) in [(LowBattery::Return, Mode::Return), (LowBattery::Land, Mode::Hold)] {
         let (_, mut rover) = drive(choice);
         rover.advance(secs(131.0));
@@ -393,14 +400,18 @@ fn who_hears_no_satellites_for_long_stands_or_lands() {
         let settings = Settings { place_sd_max_m: 2.1, ..Settings::new(kind, LIMITS) };
         let mut autopilot =
             Autopilot::new(settings, navigation, Point::default(), Angle::default()).unwrap().under_way(5.0);
-        autopilot.ask(secs(90.0), go(500.0, 0.0));
+        autopilot.command(secs(90.0), go(500.0, 0.0));
         autopilot.advance(secs(119.9));
         assert_eq!(autopilot.mode(), Mode::Guided);
         assert!((autopilot.report(secs(119.9)).pose.sd_m - 2.09).abs() < 1e-9);
         autopilot.advance(secs(121.0));
         assert_eq!((autopilot.mode(), autopilot.report(secs(121.0)).status), (mode, SystemStatus::Critical));
-        assert_eq!(autopilot.ask(secs(150.0), Ask::Mode(Mode::Guided)), Answer::Failed);
-        assert_eq!(autopilot.ask(secs(200.0), Ask::Mode(Mode::Guided)), Answer::Accepted, "heard again");
+        assert_eq!(autopilot.command(secs(150.0), Command::Mode(Mode::Guided)), CommandAck::Failed);
+        assert_eq!(
+            autopilot.command(secs(200.0), Command::Mode(Mode::Guided)),
+            CommandAck::Accepted,
+            "heard again"
+        );
     }
 }
 
@@ -409,7 +420,7 @@ fn a_copter_is_carried_by_the_wind_and_leans_into_it() {
     let settings = Settings { wind: Vector::new(0.0, -4.0), ..Settings::new(Kind::Copter, LIMITS) };
     let mut copter =
         Autopilot::new(settings, sure(0.0), Point::default(), Angle::default()).unwrap().under_way(5.0);
-    copter.ask(secs(1.0), go(20.0, 0.0));
+    copter.command(secs(1.0), go(20.0, 0.0));
     let end = settle(&mut copter, secs(1.0));
     // Where the wind blows to, beside the place that it was sent to.
     let truth = copter.truth(end);
@@ -426,17 +437,17 @@ fn a_copter_is_carried_by_the_wind_and_leans_into_it() {
 #[test]
 fn uploading_and_clearing_stop_a_mission_under_way() {
     let items = vec![waypoint(0.0, 0.0, 0.0), waypoint(50.0, 0.0, 0.0)];
-    for ask in [Ask::Clear, Ask::Upload(items.clone())] {
+    for ask in [Command::Clear, Command::Upload(items.clone())] {
         let mut rover = ready(Kind::Rover);
         rover.upload(secs(60.0), items.clone()).unwrap();
-        rover.ask(secs(60.0), Ask::Begin);
-        assert_eq!(rover.ask(secs(65.0), ask), Answer::Accepted);
+        rover.command(secs(60.0), Command::Begin);
+        assert_eq!(rover.command(secs(65.0), ask), CommandAck::Accepted);
         let end = settle(&mut rover, secs(65.0));
         assert!(rover.truth(end).at.x_m < 15.0 && rover.is_at_rest(end));
     }
 }
 
-fn asks() -> impl Strategy<Value = Vec<(f64, Ask)>> {
+fn asks() -> impl Strategy<Value = Vec<(f64, Command)>> {
     let place = || (-20.0..20.0f64, -20.0..20.0f64).prop_map(|(x_m, y_m)| point(x_m, y_m));
     let items = vec![
         waypoint(0.0, 0.0, 0.0),
@@ -450,17 +461,17 @@ fn asks() -> impl Strategy<Value = Vec<(f64, Ask)>> {
     let modes = [Mode::Manual, Mode::Loiter, Mode::Guided, Mode::Auto, Mode::Return, Mode::Land];
     let ask = prop_oneof![
         3 => (place(), prop::option::of(0.5..9.0f64))
-            .prop_map(|(at, altitude_m)| Ask::Route { corners: vec![at], altitude_m, speed_mps: None }),
-        3 => prop::sample::select(modes.to_vec()).prop_map(Ask::Mode),
-        1 => Just(Ask::Stop),
-        1 => Just(Ask::Begin),
-        1 => Just(Ask::Upload(items)),
-        1 => (0usize..8).prop_map(Ask::SetCurrent),
-        2 => Just(Ask::Arm { force: false }),
-        1 => any::<bool>().prop_map(|force| Ask::Disarm { force }),
-        1 => Just(Ask::Takeoff { altitude_m: 3.0 }),
-        1 => (-2.0..2.0f64, -2.0..2.0f64).prop_map(|(x, y)| Ask::Velocity(Vector::new(x, y))),
-        1 => (-3.0..3.0f64).prop_map(|rad| Ask::Yaw(Angle::from_radians(rad))),
+            .prop_map(|(at, altitude_m)| Command::Route { corners: vec![at], altitude_m, speed_mps: None }),
+        3 => prop::sample::select(modes.to_vec()).prop_map(Command::Mode),
+        1 => Just(Command::Stop),
+        1 => Just(Command::Begin),
+        1 => Just(Command::Upload(items)),
+        1 => (0usize..8).prop_map(Command::SetCurrent),
+        2 => Just(Command::Arm { force: false }),
+        1 => any::<bool>().prop_map(|force| Command::Disarm { force }),
+        1 => Just(Command::Takeoff { altitude_m: 3.0 }),
+        1 => (-2.0..2.0f64, -2.0..2.0f64).prop_map(|(x, y)| Command::Velocity(Vector::new(x, y))),
+        1 => (-3.0..3.0f64).prop_map(|rad| Command::Yaw(Angle::from_radians(rad))),
     ];
     prop::collection::vec((0.0..12.0f64, ask), 1..14)
 }
@@ -482,13 +493,13 @@ proptest! {
                 now = (now + Duration::from_millis(70)).min(until);
                 often.advance(now);
             }
-            prop_assert_eq!(seldom.ask(now, ask.clone()), often.ask(now, ask));
+            prop_assert_eq!(seldom.command(now, ask.clone()), often.command(now, ask));
             let (a, b) = (seldom.report(now), often.report(now));
             prop_assert!(a.pose.at.distance_to(b.pose.at) < 1e-5 && (a.altitude_m - b.altitude_m).abs() < 1e-5);
             prop_assert!((a.battery - b.battery).abs() < 1e-9);
             prop_assert_eq!((a.mode, a.is_armed, a.item, a.home.is_some()), (b.mode, b.is_armed, b.item, b.home.is_some()));
-            let said = |autopilot: &mut Autopilot| -> Vec<Notice> {
-                autopilot.notices().into_iter().map(|(_, notice)| notice).collect()
+            let said = |autopilot: &mut Autopilot| -> Vec<StatusText> {
+                autopilot.status_texts().into_iter().map(|(_, notice)| notice).collect()
             };
             prop_assert_eq!(said(&mut seldom), said(&mut often));
         }
@@ -501,7 +512,7 @@ proptest! {
         let mut now = secs(50.0);
         let mut before = place(&copter, now);
         for (wait_s, ask) in asks {
-            copter.ask(now, ask);
+            copter.command(now, ask);
             let until = now + Duration::from_secs_f64(wait_s);
             while now < until {
                 now = now + Duration::from_millis(20);

@@ -1,158 +1,17 @@
-//! What an autopilot is asked, what it answers, and what it reports: words only, no decisions. Positions are in the
-//! local frame; what MAVLink makes of them is not known here.
+//! What a simulated autopilot says by itself, what it knows of itself, and what it is told before it starts: words only, no
+//! decisions. What it is told later, and what it answers, are the terms of any autopilot ([`crate::autopilot`]).
 
 use std::collections::BTreeMap;
 use std::time::Duration;
 
 use super::super::motion::Limits;
-use super::item::Item;
-use crate::geom::{Angle, Attitude, Point, Pose, Vector};
+use crate::autopilot::{Kind, Mode, SystemStatus};
+use crate::geom::{Attitude, Point, Pose, Vector};
 use crate::time::Time;
-
-/// What kind of vehicle it steers.
-#[derive(Clone, Copy, PartialEq, Eq, Debug)]
-pub enum Kind {
-    /// On the ground: turns on the spot and drives.
-    Rover,
-    /// In the air: climbs, turns, then flies level.
-    Copter,
-}
-
-/// What it does by itself.
-#[derive(Clone, Copy, PartialEq, Eq, Debug)]
-pub enum Mode {
-    /// As it boots (MANUAL, STABILIZE): nobody steers, it stays where it is.
-    Manual,
-    /// Stands still; rovers only.
-    Hold,
-    /// Stays at its place.
-    Loiter,
-    /// Goes where it is told.
-    Guided,
-    /// Follows its stored mission.
-    Auto,
-    /// Goes home in a straight line (RTL); a copter lands there.
-    Return,
-    /// Comes down where it is; copters only.
-    Land,
-}
-
-impl Mode {
-    /// Tells whether a kind of vehicle has it.
-    pub fn is_of(self, kind: Kind) -> bool {
-        match self {
-            Mode::Hold => kind == Kind::Rover,
-            Mode::Land => kind == Kind::Copter,
-            Mode::Manual | Mode::Loiter | Mode::Guided | Mode::Auto | Mode::Return => true,
-        }
-    }
-
-    /// Tells whether it is of no use to who does not know its place.
-    pub fn needs_place(self) -> bool {
-        match self {
-            Mode::Loiter | Mode::Guided | Mode::Auto | Mode::Return => true,
-            Mode::Manual | Mode::Hold | Mode::Land => false,
-        }
-    }
-}
-
-/// What a ground station or companion asks.
-#[derive(Clone, PartialEq, Debug)]
-pub enum Ask {
-    /// Change the mode.
-    Mode(Mode),
-    /// Let the motors turn; `force` skips the checks.
-    Arm {
-        /// With the magic number.
-        force: bool,
-    },
-    /// Cut the motors; in the air only by `force`.
-    Disarm {
-        /// With the magic number.
-        force: bool,
-    },
-    /// Climb to an altitude above home, metres; a copter on the ground in GUIDED.
-    Takeoff {
-        /// Altitude, metres.
-        altitude_m: f64,
-    },
-    /// Go through places; in GUIDED.
-    Route {
-        /// Places, one after the other.
-        corners: Vec<Point>,
-        /// Altitude above home, metres; `None` = the present one, and always for rovers.
-        altitude_m: Option<f64>,
-        /// Speed limit, m/s; `None` = the standing one.
-        speed_mps: Option<f64>,
-    },
-    /// Move with this velocity, m/s, for 3 s from the last time that it was said; in GUIDED.
-    Velocity(Vector),
-    /// Turn on the spot; in GUIDED.
-    Yaw(Angle),
-    /// Brake and stay; in GUIDED.
-    Stop,
-    /// Take this mission in place of the stored one. Item 0 is home.
-    Upload(Vec<Item>),
-    /// Forget the stored mission.
-    Clear,
-    /// Begin the stored mission.
-    Begin,
-    /// Go on with this item of the stored mission.
-    SetCurrent(usize),
-    /// Travel at this speed from now on, m/s.
-    Speed(f64),
-    /// Set a servo output.
-    Servo {
-        /// Output, 1 to 16.
-        channel: u8,
-        /// Pulse width, microseconds, 500 to 2500.
-        pulse_us: u16,
-    },
-    /// This is home.
-    SetHome(Point),
-}
-
-/// What it answers: MAV_RESULT.
-#[derive(Clone, Copy, PartialEq, Eq, Debug)]
-pub enum Answer {
-    /// Done, or under way.
-    Accepted,
-    /// What is asked makes no sense.
-    Denied,
-    /// This kind of vehicle does not know it.
-    Unsupported,
-    /// Not now.
-    Failed,
-}
-
-impl Answer {
-    /// Gives the number of MAV_RESULT.
-    pub fn code(self) -> u8 {
-        match self {
-            Answer::Accepted => 0,
-            Answer::Denied => 2,
-            Answer::Unsupported => 3,
-            Answer::Failed => 4,
-        }
-    }
-}
-
-/// How the vehicle is, as a whole: MAV_STATE.
-#[derive(Clone, Copy, PartialEq, Eq, Debug)]
-pub enum SystemStatus {
-    /// It is not ready to be armed yet.
-    Booting,
-    /// It stands on the ground.
-    Standby,
-    /// It moves, or may move at any time.
-    Active,
-    /// A failsafe is in force.
-    Critical,
-}
 
 /// Something that it says once.
 #[derive(Clone, Copy, PartialEq, Debug)]
-pub enum Notice {
+pub enum StatusText {
     /// The mode has changed, by whatever cause.
     Mode(Mode),
     /// The motors have current, or have it no more.
@@ -171,9 +30,9 @@ pub enum Notice {
     PlaceLost,
 }
 
-/// What it reports of itself.
+/// All that it knows of itself. What of it goes out, and how late, is not its matter.
 #[derive(Clone, PartialEq, Debug)]
-pub struct Report {
+pub struct Readout {
     /// Where it believes to be, facing where, and how sure it is of that.
     pub pose: Pose,
     /// Altitude above home, metres.
@@ -272,4 +131,4 @@ impl Settings {
 }
 
 /// A notice and its moment.
-pub type Noticed = (Time, Notice);
+pub type DatedText = (Time, StatusText);

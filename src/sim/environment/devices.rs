@@ -2,17 +2,20 @@
 //! values; what follows from them is the environment's.
 //!
 //! ```text
-//!   standing ─Drive, Turn─► moving ─Stop, Arm, Disarm, or 2 s without a word─► standing
+//!   standing ─a command that moves─► moving ─one that stops, or 2 s without a word─► standing
 //!                             └──── contact ────► wrecked: it stays where it is
 //! ```
 
 use std::time::Duration;
 
+use crate::autopilot::{Mode, Report, SystemStatus};
 use crate::plan::{Mounts, Pointing};
 use crate::time::Time;
 
 /// An autopilot that has had no word of its companion for so long brakes and stands.
 pub const COMPANION_SILENT: Duration = Duration::from_secs(2);
+/// An autopilot says its mode, and whether it is armed, with every so manieth report: once a second.
+const REPORTS_A_HEARTBEAT: u8 = 10;
 
 /// The devices of one vehicle.
 #[derive(Clone, Debug)]
@@ -33,6 +36,18 @@ pub(super) struct Devices {
     pub is_minded: bool,
     /// It has touched something.
     pub is_wrecked: bool,
+    /// What its autopilot said with its last heartbeat.
+    heartbeat: Option<Heartbeat>,
+    /// Reports since then.
+    reports: u8,
+}
+
+/// What an autopilot says with its heartbeat only.
+#[derive(Clone, Copy, Debug)]
+struct Heartbeat {
+    mode: Mode,
+    is_armed: bool,
+    status: SystemStatus,
 }
 
 impl Devices {
@@ -47,7 +62,25 @@ impl Devices {
             moves: false,
             is_minded: false,
             is_wrecked: false,
+            heartbeat: None,
+            reports: 0,
         }
+    }
+
+    /// Its software runs from now on: the autopilot's next report comes with a heartbeat.
+    pub fn attach(&mut self, now: Time) {
+        (self.is_attached, self.heard_at, self.heartbeat) = (true, now, None);
+    }
+
+    /// Returns what the autopilot says of what it knows of itself now: its mode, and whether it is armed, are as old as its
+    /// last heartbeat.
+    pub fn said(&mut self, known: Report) -> Report {
+        let known_now = Heartbeat { mode: known.mode, is_armed: known.is_armed, status: known.status };
+        let last = self.heartbeat.filter(|_| self.reports < REPORTS_A_HEARTBEAT);
+        self.reports = if last.is_some() { self.reports + 1 } else { 1 };
+        let Heartbeat { mode, is_armed, status } = last.unwrap_or(known_now);
+        self.heartbeat = Some(last.unwrap_or(known_now));
+        Report { mode, is_armed, status, ..known }
     }
 
     /// Returns when its companion will have been silent for too long.

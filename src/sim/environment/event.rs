@@ -5,9 +5,9 @@ use std::sync::Arc;
 
 use tomoswarm_proto::{Beacon, VehicleId};
 
+use crate::autopilot::{Ack, NumberedCommand, Report};
 use crate::geom::Angle;
 use crate::node::sensor::{Echo, Ping};
-use crate::node::vehicle::{Fly, Telemetry};
 use crate::sim::body::BodyState;
 use crate::sim::world::Collision;
 use crate::time::Time;
@@ -15,8 +15,8 @@ use crate::time::Time;
 /// What a vehicle's software tells one of its devices.
 #[derive(Clone, PartialEq, Debug)]
 pub enum DeviceCommand {
-    /// The autopilot shall move.
-    Fly(Fly),
+    /// The autopilot shall obey.
+    Autopilot(NumberedCommand),
     /// The servo shall point the range sensor, relative to the heading.
     Steer(Angle),
     /// The range sensor shall measure.
@@ -29,7 +29,7 @@ pub enum DeviceCommand {
 #[derive(Clone, PartialEq, Debug)]
 pub(super) enum PendingEvent {
     /// An autopilot reports.
-    Telemetry { vehicle: usize },
+    Report { vehicle: usize },
     /// It is time to look where everybody is.
     Track,
     /// The range sensor of a vehicle has its reading.
@@ -50,11 +50,18 @@ pub enum WorldEvent {
     /// deadline.
     Scheduled(Time),
     /// The autopilot of a vehicle reports.
-    Telemetry {
+    Report {
         /// Of which vehicle.
         vehicle: usize,
         /// The report.
-        telemetry: Telemetry,
+        report: Report,
+    },
+    /// The autopilot of a vehicle answers to a command.
+    Ack {
+        /// Of which vehicle.
+        vehicle: usize,
+        /// The answer.
+        ack: Ack,
     },
     /// The range sensor of a vehicle answers.
     Echo {

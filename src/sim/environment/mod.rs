@@ -6,7 +6,7 @@
 //!   obey(vehicle, command) ─► bodies, servos, sensors, air ─► queue of pending events, predicted contacts
 //!                                                               │ deadline, wake
 //!                                                               ▼
-//!         telemetry │ echo │ heard │ unsent │ contact │ charged │ track ─► caller
+//!         report │ ack │ echo │ heard │ unsent │ contact │ charged │ track ─► caller
 //! ```
 //!
 //! Devices are as real ones are: a ping while the sensor measures and a beacon while the radio speaks are dropped and
@@ -36,14 +36,14 @@ use super::air::{Air, Fate, Sent};
 use super::faults::Faults;
 use super::noise::{Noise, Purpose};
 use super::queue::EventQueue;
-use super::world::{PredictedContact, Stage, World};
+use super::world::{Obeyed, PredictedContact, Stage, World};
+use crate::autopilot::{Ack, Command, CommandAck, NumberedCommand, Report};
 use crate::geom::Angle;
 use crate::node::sensor::{Echo, Ping};
-use crate::node::vehicle::{Fly, Telemetry};
 use crate::time::{Deadline, Time};
 
 /// Autopilots report this often.
-const TELEMETRY_EVERY: Duration = Duration::from_millis(100);
+const REPORT_EVERY: Duration = Duration::from_millis(100);
 /// Where everybody is is said this often.
 pub const TRACK_EVERY: Duration = Duration::from_secs(1);
 
@@ -91,8 +91,8 @@ impl Environment {
     pub fn begin(&mut self, out: &mut Vec<WorldEvent>) {
         for vehicle in 0..self.world.vehicles() {
             let share = self.noise.uniform(Purpose::Start, &[u64::from(self.world.id(vehicle).0)]);
-            let first = Time::ZERO + TELEMETRY_EVERY.mul_f64(share);
-            self.schedule(first, PendingEvent::Telemetry { vehicle }, out);
+            let first = Time::ZERO + REPORT_EVERY.mul_f64(share);
+            self.schedule(first, PendingEvent::Report { vehicle }, out);
         }
         self.schedule(Time::ZERO + TRACK_EVERY, PendingEvent::Track, out);
         for (at, vehicle, charge) in self.faults.charges() {
@@ -121,9 +121,9 @@ impl Environment {
         self.pending.len() + self.contacts.len()
     }
 
-    /// Returns what the autopilot of a vehicle reports when it is asked.
-    pub fn telemetry(&mut self, vehicle: usize, now: Time) -> Telemetry {
-        self.world.telemetry(vehicle, now)
+    /// Returns what the autopilot of a vehicle knows of itself at a moment.
+    pub fn known(&mut self, vehicle: usize, now: Time) -> Report {
+        self.world.report(vehicle, now)
     }
 
     /// Returns when something happens by itself next.
@@ -150,8 +150,7 @@ impl Environment {
     /// The software of a vehicle runs from now on, and is told what its devices say.
     pub fn attach(&mut self, now: Time, vehicle: usize) {
         self.now = self.now.max(now);
-        let devices = &mut self.devices[vehicle];
-        (devices.is_attached, devices.heard_at) = (true, self.now);
+        self.devices[vehicle].attach(self.now);
     }
 
     /// The software of a vehicle runs no more; its autopilot brakes [`COMPANION_SILENT`] after its last word.
@@ -160,14 +159,14 @@ impl Environment {
         self.devices[vehicle].is_attached = false;
     }
 
-    /// Lets a device of a vehicle do what its software wants. A beacon that is not sent comes back at once; all else that
-    /// comes of it comes by [`Environment::wake`].
+    /// Lets a device of a vehicle do what its software wants. An autopilot's answer and a beacon that is not sent come back
+    /// at once; all else that comes of it comes by [`Environment::wake`].
     pub fn obey(&mut self, now: Time, vehicle: usize, command: DeviceCommand, out: &mut Vec<WorldEvent>) {
         self.now = self.now.max(now);
         self.devices[vehicle].heard_at = self.now;
         match command {
-            DeviceCommand::Fly(_) if self.devices[vehicle].is_wrecked => self.counts.dropped += 1,
-            DeviceCommand::Fly(fly) => self.fly(vehicle, &fly, out),
+            DeviceCommand::Autopilot(_) if self.devices[vehicle].is_wrecked => self.counts.dropped += 1,
+            DeviceCommand::Autopilot(command) => self.answer(vehicle, &command, out),
             DeviceCommand::Steer(beam) => self.steer(vehicle, beam),
             DeviceCommand::Ping(ping) => self.ping(vehicle, ping, out),
             DeviceCommand::Transmit(beacon) => self.transmit(vehicle, beacon, out),
@@ -210,7 +209,7 @@ impl Environment {
     /// One thing happens; `until` is how far the environment is to go on now.
     fn happen(&mut self, at: Time, event: PendingEvent, until: Time, out: &mut Vec<WorldEvent>) {
         match event {
-            PendingEvent::Telemetry { vehicle } => self.report(at, vehicle, until, out),
+            PendingEvent::Report { vehicle } => self.report(at, vehicle, until, out),
             PendingEvent::Track => {
                 self.schedule(next_of(at, TRACK_EVERY, until), PendingEvent::Track, out);
                 let everybody = 0..self.world.vehicles();
@@ -227,12 +226,13 @@ impl Environment {
     }
 
     fn report(&mut self, at: Time, vehicle: usize, until: Time, out: &mut Vec<WorldEvent>) {
-        let telemetry = self.world.telemetry(vehicle, self.now);
+        let known = self.world.report(vehicle, self.now);
+        let report = self.devices[vehicle].said(known);
         let contacts = self.world.foreseen();
         self.predict(contacts, out);
-        let next = next_of(at, TELEMETRY_EVERY, until);
-        self.schedule(next, PendingEvent::Telemetry { vehicle }, out);
-        self.tell(vehicle, WorldEvent::Telemetry { vehicle, telemetry }, out);
+        let next = next_of(at, REPORT_EVERY, until);
+        self.schedule(next, PendingEvent::Report { vehicle }, out);
+        self.tell(vehicle, WorldEvent::Report { vehicle, report }, out);
     }
 
     /// Says what concerns the software of a vehicle, if it runs.
@@ -265,7 +265,7 @@ impl Environment {
         if devices.silent_at() > self.now {
             self.schedule_look_at_companion(vehicle, out);
         } else {
-            self.fly(vehicle, &Fly::Stop, out);
+            self.command(vehicle, &Command::Stop, out);
         }
     }
 
@@ -286,17 +286,36 @@ impl Environment {
         out.push(WorldEvent::Charged { vehicle, charge });
     }
 
-    fn fly(&mut self, vehicle: usize, fly: &Fly, out: &mut Vec<WorldEvent>) {
-        self.devices[vehicle].moves = match fly {
-            Fly::Drive { .. } | Fly::Turn(_) => true,
-            Fly::Stop | Fly::Arm | Fly::Disarm => false,
-        };
-        if self.devices[vehicle].moves {
+    /// Lets an autopilot obey its companion, and answer; a wreck does neither.
+    fn answer(&mut self, vehicle: usize, numbered: &NumberedCommand, out: &mut Vec<WorldEvent>) {
+        let NumberedCommand { number, command } = numbered;
+        let Obeyed { result, arm_refusal, .. } = self.command(vehicle, command, out);
+        let ack = Ack { number: *number, result, arm_refusal };
+        self.tell(vehicle, WorldEvent::Ack { vehicle, ack }, out);
+    }
+
+    /// A person commands the autopilot of a vehicle by remote control; its companion is told nothing.
+    pub fn command_by_remote_control(
+        &mut self,
+        now: Time,
+        vehicle: usize,
+        command: &Command,
+        out: &mut Vec<WorldEvent>,
+    ) -> CommandAck {
+        self.now = self.now.max(now);
+        self.command(vehicle, command, out).result
+    }
+
+    fn command(&mut self, vehicle: usize, command: &Command, out: &mut Vec<WorldEvent>) -> Obeyed {
+        let devices = &mut self.devices[vehicle];
+        devices.moves = command.moves() || (devices.moves && !command.stops());
+        if devices.moves {
             self.schedule_look_at_companion(vehicle, out);
         }
-        let contacts = self.world.fly(vehicle, self.now, fly);
+        let mut obeyed = self.world.command(vehicle, self.now, command);
         self.contacts.retain(|contact| !contact.concerns(vehicle));
-        self.predict(contacts, out);
+        self.predict(std::mem::take(&mut obeyed.contacts), out);
+        obeyed
     }
 
     /// Points the range sensor that reaches a direction; its servo begins to turn.

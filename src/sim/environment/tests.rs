@@ -3,10 +3,10 @@
 use tomoswarm_proto::Boot;
 
 use super::*;
+use crate::autopilot::{ArmRefusal, Kind, Mode};
 use crate::config::{Fault, FaultKind};
 use crate::geom::Point;
 use crate::plan::{Mount, Mounts};
-use crate::sim::autopilot::Kind;
 use crate::sim::world::tests::{drive, secs, world};
 
 const ONE: VehicleId = VehicleId(1);
@@ -34,6 +34,11 @@ fn beacon(sender: u8, sequence: u32) -> DeviceCommand {
     DeviceCommand::Transmit(Beacon { sender, boot, sequence, pose, channel: 15, ..Beacon::default() })
 }
 
+/// A command to the autopilot of which nobody awaits the answer.
+fn told(command: Command) -> DeviceCommand {
+    DeviceCommand::Autopilot(NumberedCommand { number: 0, command })
+}
+
 fn ping(number: u64) -> DeviceCommand {
     DeviceCommand::Ping(Ping { number })
 }
@@ -47,7 +52,8 @@ fn obey(
 ) -> Vec<WorldEvent> {
     let mut said = Vec::new();
     environment.obey(secs(now_s), vehicle, command, &mut said);
-    said.retain(|event| !matches!(event, WorldEvent::Scheduled(_)));
+    let is_answer = |event: &WorldEvent| matches!(event, WorldEvent::Ack { ack: Ack { number: 0, .. }, .. });
+    said.retain(|event| !matches!(event, WorldEvent::Scheduled(_)) && !is_answer(event));
     said
 }
 
@@ -117,7 +123,7 @@ fn play(by_schedule: bool) -> Vec<WorldEvent> {
     let (mut said, mut fresh, mut scheduled) = (Vec::new(), Vec::new(), Vec::new());
     (0..2).for_each(|vehicle| environment.attach(Time::ZERO, vehicle));
     environment.begin(&mut fresh);
-    for (vehicle, command) in [(0, DeviceCommand::Fly(drive(9.0))), (0, ping(1)), (1, beacon(2, 1))] {
+    for (vehicle, command) in [(0, told(drive(9.0))), (0, ping(1)), (1, beacon(2, 1))] {
         environment.obey(Time::ZERO, vehicle, command, &mut fresh);
     }
     loop {
@@ -164,7 +170,7 @@ fn a_long_sleep_is_not_made_up_for() {
     environment.wake(secs(0.1), &mut said);
     said.clear();
     environment.wake(secs(20.1), &mut said);
-    let reports = said.iter().filter(|event| matches!(event, WorldEvent::Telemetry { .. })).count();
+    let reports = said.iter().filter(|event| matches!(event, WorldEvent::Report { .. })).count();
     assert!(reports <= 2, "{reports}");
     assert!(environment.deadline().unwrap().at > secs(20.1));
 }
@@ -172,9 +178,9 @@ fn a_long_sleep_is_not_made_up_for() {
 #[test]
 fn a_contact_that_a_newer_command_prevents_does_not_come() {
     let mut environment = environment(&[(5.0, 0.0, 1.0)], &[0.0], Vec::new());
-    obey(&mut environment, 0.0, 0, DeviceCommand::Fly(drive(9.0)));
+    obey(&mut environment, 0.0, 0, told(drive(9.0)));
     let said = wake(&mut environment, 1.5);
-    obey(&mut environment, 1.5, 0, DeviceCommand::Fly(Fly::Stop));
+    obey(&mut environment, 1.5, 0, told(Command::Stop));
     assert_eq!(contacts(&said) + contacts(&wake(&mut environment, 20.0)), 0);
     assert!(environment.world().truth(0, secs(20.0)).at.distance_to(Point::new(0.0, 0.0)) > 0.5);
 }
@@ -222,12 +228,12 @@ fn a_dead_radio_does_not_say_that_it_has_not_sent() {
 fn an_autopilot_brakes_two_seconds_after_the_last_word_of_its_companion() {
     for leaves in [false, true] {
         let mut environment = environment(&[], &[0.0], Vec::new());
-        obey(&mut environment, 0.0, 0, DeviceCommand::Fly(drive(90.0)));
+        obey(&mut environment, 0.0, 0, told(drive(90.0)));
         wake(&mut environment, 3.0);
         let stood_m = environment.world().truth(0, secs(9.0)).at.x_m;
         // 1 m in 2 s, and 0.5 m to brake.
         assert!((stood_m - 1.5).abs() < 0.02, "a word at the beginning is not enough: {stood_m}");
-        obey(&mut environment, 9.0, 0, DeviceCommand::Fly(drive(90.0)));
+        obey(&mut environment, 9.0, 0, told(drive(90.0)));
         for half in 1..20 {
             wake(&mut environment, 9.0 + 0.5 * f64::from(half));
             obey(&mut environment, 9.0 + 0.5 * f64::from(half), 0, ping(1));
@@ -243,6 +249,50 @@ fn an_autopilot_brakes_two_seconds_after_the_last_word_of_its_companion() {
     }
 }
 
+fn reports(said: &[WorldEvent]) -> Vec<Report> {
+    let of = |event: &WorldEvent| match event {
+        WorldEvent::Report { report, .. } => Some(*report),
+        _other => None,
+    };
+    said.iter().filter_map(of).collect()
+}
+
+#[test]
+fn modes_and_arming_show_as_late_as_a_heartbeat_and_places_do_not() {
+    let mut environment = environment(&[], &[0.0], Vec::new());
+    wake(&mut environment, 1.45);
+    obey(&mut environment, 1.45, 0, told(Command::Mode(Mode::Hold)));
+    obey(&mut environment, 1.45, 0, told(Command::Disarm { force: false }));
+    let said = reports(&wake(&mut environment, 3.0));
+    let shown = |report: &&Report| report.mode == Mode::Hold && !report.is_armed;
+    let old = said.iter().filter(|report| report.mode == Mode::Guided && report.is_armed).count();
+    assert_eq!(old + said.iter().filter(shown).count(), said.len(), "both come with one heartbeat");
+    assert!((1..10).contains(&old), "{old} of {}", said.len());
+    environment.detach(secs(3.0), 0);
+    obey(&mut environment, 3.0, 0, told(Command::Mode(Mode::Guided)));
+    environment.attach(secs(3.0), 0);
+    assert_eq!(reports(&wake(&mut environment, 3.1))[0].mode, Mode::Guided, "who joins hears one at once");
+}
+
+#[test]
+fn an_autopilot_answers_by_the_number_and_says_why_it_does_not_arm() {
+    let battery = vec![fault(FaultKind::Battery(0.0), 0.5, 1.0)];
+    let mut environment = environment(&[], &[0.0], battery);
+    let mut answer = |now_s: f64, number: u32, command: Command| {
+        wake(&mut environment, now_s);
+        let numbered = DeviceCommand::Autopilot(NumberedCommand { number, command });
+        match obey(&mut environment, now_s, 0, numbered)[..] {
+            [WorldEvent::Ack { vehicle: 0, ack }] => ack,
+            ref other => panic!("{other:?}"),
+        }
+    };
+    let accepted = Ack { number: 4, result: CommandAck::Accepted, arm_refusal: None };
+    assert_eq!(answer(0.1, 4, drive(1.0)), accepted);
+    let arm = Command::Arm { force: false };
+    let refused = Ack { number: 5, result: CommandAck::Failed, arm_refusal: Some(ArmRefusal::BatteryEmpty) };
+    assert_eq!(answer(1.0, 5, arm), refused);
+}
+
 #[test]
 fn software_that_does_not_run_is_told_nothing() {
     let mut environment = environment(&[(3.0, 0.0, 1.0)], &[0.0, -3.0], Vec::new());
@@ -250,7 +300,7 @@ fn software_that_does_not_run_is_told_nothing() {
     obey(&mut environment, 0.0, 1, beacon(2, 1));
     environment.detach(Time::ZERO, 0);
     let said = wake(&mut environment, 0.5);
-    let is_told = |event: &WorldEvent| matches!(event, WorldEvent::Telemetry { vehicle: 0, .. });
+    let is_told = |event: &WorldEvent| matches!(event, WorldEvent::Report { vehicle: 0, .. });
     assert!(echoes(&said).is_empty() && hearers(&said).is_empty() && !said.iter().any(is_told));
     environment.attach(secs(0.5), 0);
     assert!(wake(&mut environment, 1.0).iter().any(is_told));
@@ -260,14 +310,14 @@ fn software_that_does_not_run_is_told_nothing() {
 fn a_wreck_obeys_no_more_and_others_may_meet_it() {
     // The first one touches the post; the second one comes from behind.
     let mut environment = environment(&[(1.5, 0.0, 1.0)], &[0.0, -3.0], Vec::new());
-    obey(&mut environment, 0.0, 0, DeviceCommand::Fly(drive(9.0)));
-    obey(&mut environment, 0.0, 1, DeviceCommand::Fly(drive(0.6)));
+    obey(&mut environment, 0.0, 0, told(drive(9.0)));
+    obey(&mut environment, 0.0, 1, told(drive(0.6)));
     let mut said = wake(&mut environment, 1.9);
     assert_eq!(contacts(&said), 1);
     let place = environment.world().truth(0, secs(1.9)).at;
     for second in 0..4 {
         let now_s = 1.9 + f64::from(second);
-        obey(&mut environment, now_s, 0, DeviceCommand::Fly(drive(-9.0)));
+        obey(&mut environment, now_s, 0, told(drive(-9.0)));
         obey(&mut environment, now_s, 1, ping(1));
         said.extend(wake(&mut environment, now_s + 1.0));
     }
@@ -279,7 +329,7 @@ fn a_wreck_obeys_no_more_and_others_may_meet_it() {
 fn a_flood_of_commands_leaves_nothing_behind() {
     let mut environment = environment(&[(5.0, 0.0, 1.0)], &[0.0, -3.0], Vec::new());
     for number in 0..20_000 {
-        obey(&mut environment, 0.0, 0, DeviceCommand::Fly(drive(4.0 + (number % 7) as f64)));
+        obey(&mut environment, 0.0, 0, told(drive(4.0 + (number % 7) as f64)));
         obey(&mut environment, 0.0, 0, ping(number));
     }
     assert!(environment.pending() < 20, "{} things are to happen", environment.pending());

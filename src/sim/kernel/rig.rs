@@ -12,12 +12,13 @@ use super::super::body::Limits;
 use super::super::noise::Noise;
 use super::super::radio_field::{RadioConstants, RadioField};
 use super::super::range::{RangeModel, RangeSensor};
-use super::super::world::{Build, PredictedContact, Stage, World};
+use super::super::world::{Build, Obeyed, PredictedContact, Stage, World};
+use crate::autopilot::{Ack, Command, NumberedCommand};
 use crate::geom::{Angle, Cell, Lattice, Point, Rect};
 use crate::map::{Merged, Occupancy};
 use crate::node::route::Note;
 use crate::node::sensor::Echo;
-use crate::node::vehicle::{Fly, Remark};
+use crate::node::vehicle::Remark;
 use crate::node::{
     BodySettings, Effect, Event, LookSettings, RadioSettings, Remembered, Settings, VehicleNode,
 };
@@ -78,6 +79,7 @@ fn settings() -> Settings {
         swarm: crate::config::Swarm::default(),
         task: crate::node::Task::Plan,
         path_time: Duration::from_millis(50),
+        autopilot: crate::autopilot::Settings::default(),
     }
 }
 
@@ -190,8 +192,8 @@ impl Rig {
             self.world.touch(&touch);
         }
         if self.now.as_nanos().is_multiple_of(100_000_000) {
-            let telemetry = self.world.telemetry(0, self.now);
-            self.tell(Event::Telemetry(telemetry));
+            let report = self.world.report(0, self.now);
+            self.tell(Event::Report(report));
             self.tell(Event::Bus(Sender::Ground, Message::Have(Have::default())));
         }
         let due: Vec<_> = self.echoes.extract_if(.., |(at, _)| *at <= self.now).collect();
@@ -212,13 +214,14 @@ impl Rig {
     fn carry_out(&mut self, effects: Vec<Effect>) {
         for effect in effects {
             match effect {
-                Effect::Fly(fly) => {
-                    if matches!(fly, Fly::Drive { .. }) {
+                Effect::Command(NumberedCommand { number, command }) => {
+                    if matches!(command, Command::Route { .. }) {
                         self.known = self.node.map().clone();
                         self.drives += 1;
                     }
-                    let touches = self.world.fly(0, self.now, &fly);
-                    self.touches.extend(touches);
+                    let Obeyed { result, arm_refusal, contacts } = self.world.command(0, self.now, &command);
+                    self.touches.extend(contacts);
+                    self.tell(Event::Ack(Ack { number, result, arm_refusal }));
                 }
                 Effect::Steer(beam) => self.beam = beam,
                 Effect::Ping(ping) => {

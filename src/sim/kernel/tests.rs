@@ -5,9 +5,13 @@ mod joining;
 
 use std::collections::BTreeSet;
 
-use tomoswarm_proto::{Boot, Lease, Mode, OperatorId, Order, OrderKind, Revision, RunId, Sender};
+use tomoswarm_proto::{
+    Boot, Control, Lease, Mode as StateMode, OperatorId, Order, OrderKind, Revision, RunId, Sender,
+    StandReason,
+};
 
 use super::*;
+use crate::autopilot::{Command, Mode, NumberedCommand};
 use crate::config;
 use crate::geom::Point;
 use crate::operator::fleet_view::FleetView;
@@ -41,7 +45,8 @@ fn scenario(more: &str) -> Scenario {
 }
 
 fn drive(kernel: &mut Kernel, vehicle: usize, to: Point) {
-    kernel.command(vehicle, DeviceCommand::Fly(Fly::Drive { corners: vec![to], speed_mps: 1.0 }));
+    let command = Command::Route { corners: vec![to], altitude_m: None, speed_mps: Some(1.0) };
+    kernel.command(vehicle, DeviceCommand::Autopilot(NumberedCommand { number: 0, command }));
 }
 
 /// Runs until a second, or to the end.
@@ -79,6 +84,28 @@ fn a_rover_whose_software_has_died_stops_two_seconds_later() {
     let y_m = kernel.environment.world().truth(1, kernel.now).at.y_m;
     // Its last word was a beacon of the second before.
     assert!((-0.6..=1.0).contains(&y_m), "{y_m}");
+}
+
+#[test]
+fn a_person_who_takes_over_by_remote_control_is_left_alone_until_a_start() {
+    let scenario = scenario("");
+    let starts = vec![operator_script::Step::Delay(Duration::from_secs(7)), want(OrderKind::Start, true)];
+    let mut parts = scenario.parts().unwrap();
+    parts.operators.push(operator(&scenario, 3, starts));
+    let mut kernel = Kernel::new(parts);
+    run(&mut kernel, 3.0);
+    let shown = |kernel: &mut Kernel| {
+        let state = view(&kernel.operators[1]).state(VehicleId(2)).unwrap().value.clone();
+        (state.control, state.stands_under, kernel.environment.known(1, kernel.now).mode)
+    };
+    assert_eq!(shown(&mut kernel), (Control::Ours, None, Mode::Guided));
+    let (now, manual) = (kernel.now, Command::Mode(Mode::Manual));
+    kernel.environment.command_by_remote_control(now, 1, &manual, &mut Vec::new());
+    run(&mut kernel, 6.5);
+    assert_eq!(shown(&mut kernel), (Control::Remote, Some(StandReason::Remote), Mode::Manual));
+    assert!(kernel.record.log.text().contains("vehicle 2 autopilot: TakenOver(Manual)"));
+    run(&mut kernel, 9.0);
+    assert_eq!(shown(&mut kernel), (Control::Ours, None, Mode::Guided));
 }
 
 /// An operator of this number, and what it does; without steps it only looks.
@@ -219,7 +246,7 @@ fn a_vehicle_that_is_started_anew_obeys_nothing_below_what_its_disk_has() {
     run(&mut kernel, 7.5);
     let mode = |kernel: &Kernel| {
         let state = &view(&kernel.operators[1]).state(VehicleId(2)).expect("it is heard").value;
-        (state.boot, state.mode == Mode::MotorsCut, state.ordered.lease >= kept.ordered.lease)
+        (state.boot, state.mode == StateMode::MotorsCut, state.ordered.lease >= kept.ordered.lease)
     };
     assert_eq!(mode(&kernel), (Boot(2), false, true));
     let high = Order { lease: Lease { number: 9, holder: 0 }, ..low };

@@ -2,6 +2,7 @@
 
 use super::super::range::RangeModel;
 use super::*;
+use crate::autopilot::Mode;
 use crate::geom::Rect;
 use crate::scene::{Footprint, Material, Post, SceneParts};
 use crate::sim::radio_field::RadioConstants;
@@ -60,8 +61,18 @@ pub fn world(kind: Kind, altitude_m: f64, posts: &[(f64, f64, f64)], places_m: &
     world
 }
 
-pub fn drive(x_m: f64) -> Fly {
-    Fly::Drive { corners: vec![Point::new(x_m, 0.0)], speed_mps: 1.0 }
+/// A route along the x axis, at the present altitude.
+pub fn drive(x_m: f64) -> Command {
+    Command::Route { corners: vec![Point::new(x_m, 0.0)], altitude_m: None, speed_mps: Some(1.0) }
+}
+
+const LANDS: Command = Command::Mode(Mode::Land);
+
+/// Lets a vehicle obey; gives the contacts that it leads to.
+fn obeys(world: &mut World, vehicle: usize, now: Time, command: &Command) -> Vec<PredictedContact> {
+    let obeyed = world.command(vehicle, now, command);
+    assert_eq!(obeyed.result, CommandAck::Accepted, "{command:?}");
+    obeyed.contacts
 }
 
 /// Lets ten telemetries a second come and contacts happen, until one has, or the time is over.
@@ -70,7 +81,7 @@ fn run(world: &mut World, mut touches: Vec<PredictedContact>, from: Time, until:
     while now < until {
         now = now + Duration::from_millis(100);
         for vehicle in 0..world.vehicles() {
-            world.telemetry(vehicle, now);
+            world.report(vehicle, now);
         }
         touches.extend(world.foreseen());
         touches.sort_by_key(|touch| touch.at);
@@ -86,7 +97,7 @@ fn run(world: &mut World, mut touches: Vec<PredictedContact>, from: Time, until:
 fn who_flies_over_a_post_does_not_touch_it_and_who_flies_lower_does() {
     for (altitude_m, touches) in [(1.5, false), (0.99, false), (0.97, true), (0.5, true)] {
         let mut world = world(Kind::Copter, altitude_m, &[(5.0, 0.0, 1.0)], &[0.0]);
-        let foreseen = world.fly(0, Time::ZERO, &drive(10.0));
+        let foreseen = obeys(&mut world, 0, Time::ZERO, &drive(10.0));
         let collision = run(&mut world, foreseen, Time::ZERO, secs(20.0));
         assert_eq!(collision.is_some(), touches, "at {altitude_m} m");
         let Some(collision) = collision else {
@@ -105,7 +116,7 @@ fn who_flies_over_a_post_does_not_touch_it_and_who_flies_lower_does() {
 #[test]
 fn who_flies_under_something_does_not_touch_it() {
     let mut world = world(Kind::Copter, 0.5, &[(5.0, 0.81, 2.0)], &[0.0]);
-    let foreseen = world.fly(0, Time::ZERO, &drive(10.0));
+    let foreseen = obeys(&mut world, 0, Time::ZERO, &drive(10.0));
     assert_eq!(run(&mut world, foreseen, Time::ZERO, secs(20.0)), None);
 }
 
@@ -113,7 +124,7 @@ fn who_flies_under_something_does_not_touch_it() {
 fn who_comes_down_on_something_touches_it_even_after_a_stage_that_nobody_commanded() {
     // From 12 m it sinks to 10 m at 1 m/s, and from there at 0.5 m/s onto a post of 1 m; its foot is 2 cm higher.
     let mut world = world(Kind::Copter, 12.0, &[(0.0, 0.0, 1.0)], &[0.0]);
-    let foreseen = world.fly(0, secs(1.0), &Fly::Disarm);
+    let foreseen = obeys(&mut world, 0, secs(1.0), &LANDS);
     assert_eq!(foreseen, [], "the slow part has not begun");
     let collision = run(&mut world, foreseen, secs(1.0), secs(60.0)).unwrap();
     let expected_s = 1.0 + 2.0 + (9.0 + 0.02) / 0.5;
@@ -123,16 +134,21 @@ fn who_comes_down_on_something_touches_it_even_after_a_stage_that_nobody_command
 #[test]
 fn a_copter_that_has_landed_is_disarmed_and_takes_off_before_it_flies_again() {
     let mut world = world(Kind::Copter, 2.0, &[], &[0.0]);
-    world.fly(0, secs(1.0), &Fly::Disarm);
+    obeys(&mut world, 0, secs(1.0), &LANDS);
     assert_eq!(run(&mut world, Vec::new(), secs(1.0), secs(8.0)), None);
-    let down = world.telemetry(0, secs(8.0));
+    let down = world.report(0, secs(8.0));
     assert_eq!((down.is_armed, down.motion), (false, Motion::Resting));
-    world.fly(0, secs(9.0), &Fly::Arm);
-    world.fly(0, secs(9.0), &drive(3.0));
-    let climbing = world.telemetry(0, secs(10.0));
+    for command in [Command::Mode(Mode::Guided), Command::Arm { force: false }] {
+        obeys(&mut world, 0, secs(9.0), &command);
+    }
+    assert_eq!(world.command(0, secs(9.0), &drive(3.0)).result, CommandAck::Failed, "it has not taken off");
+    obeys(&mut world, 0, secs(9.0), &Command::Takeoff { altitude_m: 2.0 });
+    let climbing = world.report(0, secs(10.0));
     assert_eq!((climbing.is_armed, climbing.motion, climbing.speed_mps), (true, Motion::Turning, 0.0));
     let mut sent_early = |at_s: f64| {
-        world.fly(0, secs(at_s), &drive(0.25 * at_s));
+        let corners = vec![Point::new(0.25 * at_s, 0.0)];
+        let route = Command::Route { corners, altitude_m: Some(2.0), speed_mps: Some(1.0) };
+        obeys(&mut world, 0, secs(at_s), &route);
         assert_eq!(run(&mut world, Vec::new(), secs(at_s), secs(at_s + 20.0)), None);
         let end = secs(at_s + 20.0);
         (world.truth(0, end).at.x_m, world.crafts[0].autopilot.altitude_m(end))
@@ -147,19 +163,19 @@ fn a_copter_that_has_landed_is_disarmed_and_takes_off_before_it_flies_again() {
 #[test]
 fn two_copters_meet_at_one_altitude_and_one_passes_over_another_that_has_landed() {
     let mut both = world(Kind::Copter, 2.0, &[], &[0.0, 6.0]);
-    let foreseen = both.fly(0, secs(1.0), &drive(12.0));
+    let foreseen = obeys(&mut both, 0, secs(1.0), &drive(12.0));
     let collision = run(&mut both, foreseen, secs(1.0), secs(20.0)).unwrap();
     assert_eq!((collision.vehicle, collision.with), (VehicleId(1), Some(VehicleId(2))));
     assert!((collision.place.x_m - 5.5).abs() < 2e-3, "{collision:?}");
     let mut over = world(Kind::Copter, 2.0, &[], &[0.0, 6.0]);
-    over.fly(1, secs(1.0), &Fly::Disarm);
+    obeys(&mut over, 1, secs(1.0), &LANDS);
     run(&mut over, Vec::new(), secs(1.0), secs(8.0));
-    let foreseen = over.fly(0, secs(8.0), &drive(12.0));
+    let foreseen = obeys(&mut over, 0, secs(8.0), &drive(12.0));
     assert_eq!(run(&mut over, foreseen, secs(8.0), secs(30.0)), None);
     // Sinking beside it is no contact either; sinking onto it is.
-    let foreseen = over.fly(0, secs(30.0), &drive(6.2));
+    let foreseen = obeys(&mut over, 0, secs(30.0), &drive(6.2));
     assert_eq!(run(&mut over, foreseen, secs(30.0), secs(45.0)), None);
-    let foreseen = over.fly(0, secs(45.0), &Fly::Disarm);
+    let foreseen = obeys(&mut over, 0, secs(45.0), &LANDS);
     let collision = run(&mut over, foreseen, secs(45.0), secs(60.0)).unwrap();
     assert_eq!(collision.with, Some(VehicleId(2)));
     // From 2 m at 0.5 m/s down to 0.3 m.
@@ -169,7 +185,7 @@ fn two_copters_meet_at_one_altitude_and_one_passes_over_another_that_has_landed(
 #[test]
 fn rovers_touch_as_they_always_did() {
     let mut world = world(Kind::Rover, 5.0, &[(5.0, 0.1, 1.0)], &[0.0, 20.0]);
-    let foreseen = world.fly(0, Time::ZERO, &drive(10.0));
+    let foreseen = obeys(&mut world, 0, Time::ZERO, &drive(10.0));
     let [touch] = foreseen[..] else { panic!("{foreseen:?}") };
     assert!((touch.at.as_secs_f64() - 5.25).abs() < 0.02 && touch.other.is_none(), "{touch:?}");
 }
@@ -194,7 +210,7 @@ fn without_satellites_the_believed_place_strays_and_its_deviation_says_so() {
     }
     let mut strays = |vehicle: usize, now_s: f64| {
         let now = secs(now_s);
-        let pose = world.telemetry(vehicle, now).pose;
+        let pose = world.report(vehicle, now).pose;
         (pose.sd_m, pose.at.distance_to(world.truth(vehicle, now).at))
     };
     assert_eq!(strays(1, 9.0).0, 0.05);

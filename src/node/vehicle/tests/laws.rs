@@ -42,7 +42,10 @@ enum Happening {
         revision_step: i32,
         states_ago: u64,
         is_ours: bool,
+        names_take_over: bool,
     },
+    /// Who steers.
+    Steered(Control),
     Peer {
         y_m: f64,
         drives: bool,
@@ -70,16 +73,22 @@ fn any_kind() -> impl Strategy<Value = OrderKind> {
 fn any_order() -> impl Strategy<Value = Happening> {
     let lease_step = prop_oneof![6 => Just(0), 1 => Just(1), 1 => Just(-1)];
     let states_ago = prop_oneof![5 => 0..3u64, 1 => 3..80u64];
-    (any_kind(), lease_step, 0..3u64, -1..3i32, states_ago, prop::bool::weighted(0.9)).prop_map(
-        |(kind, lease_step, holder, revision_step, states_ago, is_ours)| Happening::Order {
+    let often = || prop::bool::weighted(0.9);
+    (any_kind(), lease_step, 0..3u64, -1..3i32, states_ago, often(), any::<bool>()).prop_map(
+        |(kind, lease_step, holder, revision_step, states_ago, is_ours, names_take_over)| Happening::Order {
             kind,
             lease_step,
             holder,
             revision_step,
             states_ago,
             is_ours,
+            names_take_over,
         },
     )
+}
+
+fn any_control() -> impl Strategy<Value = Control> {
+    prop_oneof![Just(Control::Ours), Just(Control::Remote), Just(Control::Own), Just(Control::Silent)]
 }
 
 fn any_happening() -> impl Strategy<Value = Happening> {
@@ -98,6 +107,7 @@ fn any_happening() -> impl Strategy<Value = Happening> {
         1 => (0.0..6.0f64, any::<bool>()).prop_map(|(y_m, drives)| Happening::Peer { y_m, drives }),
         1 => any::<bool>().prop_map(Happening::MissionHolds),
         2 => prop::bool::weighted(0.4).prop_map(Happening::Stops),
+        1 => any_control().prop_map(Happening::Steered),
         1 => Just(Happening::Nothing),
     ]
 }
@@ -134,6 +144,8 @@ struct Witness {
     highest: (u32, Reverse<u64>, u32),
     ban: Ban,
     stopped: Stopped,
+    /// Somebody has taken over, and no start has named that.
+    is_taken: bool,
     /// What answers a state of before this one does not send the vehicle out.
     answers_from: u64,
     /// When the last stop was said, unless a drive or a turn was said since.
@@ -158,6 +170,7 @@ impl Witness {
             highest: (0, Reverse(0), 0),
             ban: Ban::None,
             stopped: Stopped::No,
+            is_taken: false,
             answers_from: 0,
             stop_said: None,
             disarm_said: None,
@@ -184,6 +197,9 @@ impl Witness {
         handled(&mut self.vehicle, self.now, input.clone(), &mut out);
         if let In::Stops(open) = &input {
             self.check_stops(!open.is_empty(), &out);
+        }
+        if let In::Autopilot(status) = &input {
+            self.check_steered(status.control, &out);
         }
         self.check_flying(&input, &out);
         self.check_order(&input, &out);
@@ -214,7 +230,15 @@ impl Witness {
                 In::Command(decided(decided_ago), Command::Turn(Angle::default()))
             }
             Happening::Stand => In::Command(Time::ZERO, Command::Hold),
-            Happening::Order { kind, lease_step, holder, revision_step, states_ago, is_ours } => {
+            Happening::Order {
+                kind,
+                lease_step,
+                holder,
+                revision_step,
+                states_ago,
+                is_ours,
+                names_take_over,
+            } => {
                 let (number, Reverse(known_holder), revision) = self.highest;
                 let lease = Lease {
                     number: number.saturating_add_signed(lease_step),
@@ -223,7 +247,10 @@ impl Witness {
                 let revision = revision.saturating_add_signed(revision_step);
                 let seen_state = self.sequence.saturating_sub(states_ago);
                 let vehicle = if is_ours { VehicleId(1) } else { VehicleId(2) };
-                given(Order { vehicle, ..order(kind, lease, revision, seen_state) })
+                let names = names_take_over && kind == OrderKind::Start;
+                let name = EmergencyName::of_take_over(VehicleId(1), Boot(1));
+                let ends = names.then_some(name).into_iter().collect();
+                given(Order { vehicle, ends, ..order(kind, lease, revision, seen_state) })
             }
             Happening::Peer { y_m, drives } => {
                 self.peer_sequence += 1;
@@ -239,6 +266,7 @@ impl Witness {
                 let stop = EmergencyStop { name, scope: StopScope::All, by: OperatorId(1) };
                 In::Stops(is_open.then_some(stop).into_iter().collect())
             }
+            Happening::Steered(control) => In::Autopilot(Status { control, is_landed: true }),
             Happening::Nothing => return None,
         })
     }
@@ -252,6 +280,7 @@ impl Witness {
                     assert_eq!(self.ban, Ban::None, "it moves although it was stopped by an order");
                     assert_eq!(self.stopped, Stopped::No, "it moves under an emergency stop");
                     assert_eq!(self.disarm_said, None, "it moves without motors");
+                    assert!(!self.is_taken, "it moves although somebody else steers");
                 }
                 Fly::Arm => {
                     let frees = obeyed_kind(out).is_some_and(|kind| match kind {
@@ -260,6 +289,10 @@ impl Witness {
                         OrderKind::Hold | OrderKind::Land | OrderKind::CutMotors => false,
                     });
                     assert!(frees, "it is armed by {input:?}");
+                }
+                Fly::TakeBack => {
+                    let is_ended = self.is_taken && obeyed_kind(out) == Some(OrderKind::Start);
+                    assert!(is_ended, "it is taken back by {input:?}");
                 }
                 Fly::Disarm => {
                     let may = self.disarm_said.is_some()
@@ -298,6 +331,10 @@ impl Witness {
             (OrderKind::Hold | OrderKind::Land | OrderKind::CutMotors, _) => true,
         };
         assert!(!obeyed(out) || may_begin, "an emergency stop forbids {order:?}");
+        let names_it = order.kind == OrderKind::Start && !order.ends.is_empty();
+        let sends_out = matches!(order.kind, OrderKind::Start | OrderKind::Return);
+        let may_end = !self.is_taken || !sends_out || names_it;
+        assert!(!obeyed(out) || may_end, "a take-over forbids {order:?}");
         if obeyed(out) {
             assert_eq!(stops(out), order.kind != OrderKind::Start, "{order:?}");
             assert_eq!(flown(out).contains(&Fly::Disarm), order.kind == OrderKind::CutMotors, "{order:?}");
@@ -319,6 +356,7 @@ impl Witness {
                 Out::Fly(Fly::Arm) => {
                     (self.disarm_said, self.disarm_owed, self.may_disarm) = (None, None, false);
                 }
+                Out::Fly(Fly::TakeBack) => self.is_taken = false,
                 Out::Fly(Fly::Disarm) => (self.disarm_said, self.disarm_owed) = (Some(self.now), None),
                 Out::Order(order) => self.note_order(order),
                 Out::State(state) => self.sequence = state.sequence,
@@ -348,9 +386,25 @@ impl Witness {
         }
     }
 
+    /// What was asked for before somebody took over is not obeyed after it. An autopilot that acts by itself is stopped if
+    /// the vehicle is to stand.
+    fn check_steered(&mut self, control: Control, out: &[Out]) {
+        let is_banned = self.ban != Ban::None || self.stopped != Stopped::No;
+        assert_eq!(stops(out), control == Control::Own && is_banned, "{control:?}");
+        // The link says so only when it was told to take it back.
+        self.is_taken &= control != Control::Ours;
+        if matches!(control, Control::Remote | Control::Own) {
+            self.stop_said = None;
+            if !std::mem::replace(&mut self.is_taken, true) {
+                self.answers_from = self.sequence;
+            }
+        }
+    }
+
     fn note_order(&mut self, order: &Order) {
         self.highest = edition(order);
         if order.kind == OrderKind::Start {
+            assert!(!self.is_taken, "a start leaves nobody steering");
             self.stopped = Stopped::No;
         }
         match order.kind {

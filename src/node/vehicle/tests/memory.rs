@@ -3,7 +3,7 @@
 
 use super::*;
 use crate::node::memory::OrderEdition;
-use tomoswarm_proto::Ordered;
+use tomoswarm_proto::{EmergencyName, Ordered};
 
 fn edition(number: u32, revision: u32) -> OrderEdition {
     OrderEdition { lease: lease(number), revision: Revision(revision), run: RunId(1) }
@@ -55,6 +55,20 @@ fn shown(vehicle: &mut Vehicle) -> (Lease, Revision, Option<OrderKind>) {
 }
 
 const NOTHING: (Lease, Revision, Option<OrderKind>) = (Lease { number: 0, holder: 0 }, Revision(0), None);
+
+#[test]
+fn a_start_that_waited_for_the_disk_when_somebody_took_over_is_not_obeyed() {
+    for control in [Control::Ours, Control::Remote] {
+        let mut vehicle = remembering(Memory::default());
+        let seen = vehicle.reports.sequence();
+        let ends = vec![EmergencyName::of_take_over(VehicleId(1), Boot(1))];
+        let start = Order { ends, ..order(OrderKind::Start, lease(1), 1, seen) };
+        assert!(!obeyed(&handle(&mut vehicle, 1.1, given(start))));
+        handle(&mut vehicle, 1.2, In::Autopilot(Status { control, is_landed: true }));
+        let out = written(&mut vehicle, 1.3, memory(1, 1));
+        assert_eq!(obeyed(&out), control == Control::Ours, "{control:?}: {out:?}");
+    }
+}
 
 #[test]
 fn a_start_is_remembered_before_anything_follows_from_it() {

@@ -6,9 +6,9 @@ mod virtual_time;
 
 use tomoswarm_proto::{Beacon, Boot, Message, VehicleId, codec};
 
+use crate::autopilot::{Command, NumberedCommand};
 use crate::config;
 use crate::geom::Point;
-use crate::node::vehicle::Fly;
 use crate::run::link::ToWorld;
 use crate::sim::Scenario;
 
@@ -42,7 +42,16 @@ fn scenario() -> Scenario {
 }
 
 fn drive(x_m: f64, y_m: f64) -> ToWorld {
-    ToWorld::Fly(Fly::Drive { corners: vec![Point::new(x_m, y_m)], speed_mps: 1.0 })
+    route(vec![Point::new(x_m, y_m)])
+}
+
+fn route(corners: Vec<Point>) -> ToWorld {
+    command(Command::Route { corners, altitude_m: None, speed_mps: Some(1.0) })
+}
+
+/// A command to the autopilot, by the number 9.
+fn command(command: Command) -> ToWorld {
+    ToWorld::Autopilot(NumberedCommand { number: 9, command })
 }
 
 fn beacon(sender: VehicleId, sequence: u32) -> ToWorld {

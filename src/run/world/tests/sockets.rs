@@ -105,7 +105,7 @@ fn a_vehicle_drives_and_sees_and_hears_another_one() {
     two.say(&drive(5.0, -1.5));
     let arrived = Point::new(5.0, -1.5);
     two.wait_for(|word| match word {
-        FromWorld::Telemetry(told) if told.pose.at.distance_to(arrived) < 0.01 => Some(()),
+        FromWorld::Autopilot(told) if told.pose.at.distance_to(arrived) < 0.01 => Some(()),
         _other => None,
     });
     assert!(two.0.peer_addr().unwrap().ip().is_loopback());
@@ -168,7 +168,7 @@ fn the_body_of_a_vehicle_that_is_gone_stops() {
     let status = until(&mut control, |status| status.vehicles[1].speed_mps == 0.0);
     assert!(status.vehicles[1].at.y_m < 1.0, "{:?}", status.vehicles[1]);
     let mut again = Fake::join(server.address(), TWO, 2).unwrap();
-    let told = again.wait_for(|word| if let FromWorld::Telemetry(told) = word { Some(told) } else { None });
+    let told = again.wait_for(|word| if let FromWorld::Autopilot(told) = word { Some(told) } else { None });
     assert!(told.pose.at.distance_to(status.vehicles[1].at) < 1e-6);
 }
 

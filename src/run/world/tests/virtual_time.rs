@@ -4,9 +4,9 @@ use tomoswarm_proto::Boot;
 
 use super::super::live_world::{LiveWorld, VehicleWord};
 use super::*;
+use crate::autopilot::{Ack, CommandAck, Motion, Report};
 use crate::geom::Angle;
 use crate::node::sensor::Ping;
-use crate::node::vehicle::{Motion, Telemetry};
 use crate::run::link::{FromWorld, Refused};
 use crate::time::Time;
 
@@ -31,9 +31,9 @@ fn advance(world: &mut LiveWorld, to_s: f64) -> Vec<VehicleWord> {
     said
 }
 
-fn telemetry(said: &[VehicleWord], index: usize) -> Vec<Telemetry> {
+fn telemetry(said: &[VehicleWord], index: usize) -> Vec<Report> {
     let of = |(to, word): &VehicleWord| match word {
-        FromWorld::Telemetry(telemetry) if *to == index => Some(*telemetry),
+        FromWorld::Autopilot(report) if *to == index => Some(*report),
         _other => None,
     };
     said.iter().filter_map(of).collect()
@@ -215,7 +215,7 @@ fn a_contact_with_one_that_was_stopped_by_another_contact_is_foreseen() {
     obey(&mut world, 0, drive(0.5, 5.0));
     advance(&mut world, 0.5);
     let corners = vec![Point::new(5.0, 2.0), Point::new(-0.25, 2.0), Point::new(-0.25, 9.0)];
-    obey(&mut world, 1, ToWorld::Fly(Fly::Drive { corners, speed_mps: 1.0 }));
+    obey(&mut world, 1, route(corners));
     for second in 1..30 {
         advance(&mut world, f64::from(second));
         obey(&mut world, 1, ping(second as u64));
@@ -236,12 +236,23 @@ fn an_impossible_command_changes_nothing_and_hides_no_contact() {
     obey(&mut world, 0, drive(0.5, 5.0));
     advance(&mut world, 0.2);
     obey(&mut world, 0, drive(f64::NAN, 5.0));
-    obey(&mut world, 0, ToWorld::Fly(Fly::Turn(Angle::from_radians(f64::INFINITY))));
+    obey(&mut world, 0, command(Command::Yaw(Angle::from_radians(f64::INFINITY))));
     obey(&mut world, 0, ToWorld::Steer(Angle::from_radians(f64::NAN)));
     obey(&mut world, 0, ToWorld::Transmit(vec![1, 2, 3]));
     obey(&mut world, 0, ToWorld::Stop);
     advance(&mut world, 3.0);
     assert_eq!(world.status().collision_count, 1);
+}
+
+#[test]
+fn an_autopilot_answers_who_commands_it() {
+    let mut world = joined();
+    for (word, result) in
+        [(drive(-1.0, 5.0), CommandAck::Accepted), (drive(f64::NAN, 5.0), CommandAck::Denied)]
+    {
+        let ack = Ack { number: 9, result, arm_refusal: None };
+        assert_eq!(obey(&mut world, 0, word), [(0, FromWorld::Ack(ack))]);
+    }
 }
 
 #[test]

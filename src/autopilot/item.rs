@@ -3,7 +3,9 @@
 
 use std::time::Duration;
 
-use super::words::Kind;
+use serde::{Deserialize, Serialize};
+
+use super::command::Kind;
 use crate::geom::{Angle, Point};
 
 /// The most items that are stored, home included.
@@ -14,7 +16,7 @@ const PLACE_MAX_M: f64 = 1e6;
 const ALTITUDE_M: std::ops::RangeInclusive<f64> = -1000.0..=10_000.0;
 
 /// One item of a mission.
-#[derive(Clone, Copy, PartialEq, Debug)]
+#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
 pub enum Item {
     /// Go to a place.
     Waypoint {
@@ -97,7 +99,7 @@ pub enum ItemError {
 }
 
 impl ItemError {
-    /// Gives the number of MAV_MISSION_RESULT.
+    /// Returns the number of MAV_MISSION_RESULT.
     pub fn code(self) -> u8 {
         match self {
             ItemError::TooMany { .. } => 4,
@@ -110,7 +112,7 @@ impl ItemError {
 }
 
 impl Item {
-    /// Tells whether it takes its time (a NAV item, or a condition); the others are done at once.
+    /// Returns whether it takes its time (a NAV item, or a condition); the others are done at once.
     pub fn takes_time(&self) -> bool {
         match self {
             Item::Waypoint { .. }
@@ -145,7 +147,7 @@ impl Item {
     }
 }
 
-/// Tells whether a mission can be stored; item 0 is home and a waypoint.
+/// Returns whether a mission can be stored; item 0 is home and a waypoint.
 ///
 /// # Errors
 /// [`ItemError`], of the first item that is not taken.
@@ -159,22 +161,22 @@ pub fn check_items(items: &[Item], kind: Kind) -> Result<(), ItemError> {
     items.iter().enumerate().try_for_each(|(index, item)| item.check(index, kind))
 }
 
-/// Tells whether a speed can be travelled at.
+/// Returns whether a speed can be travelled at.
 pub fn is_speed(speed_mps: f64) -> bool {
     (0.001..=100.0).contains(&speed_mps)
 }
 
-/// Tells whether there is such a servo output.
+/// Returns whether there is such a servo output.
 pub fn is_output(channel: u8, pulse_us: u16) -> bool {
     (1..=16).contains(&channel) && (500..=2500).contains(&pulse_us)
 }
 
-/// Tells whether a place can be gone to.
+/// Returns whether a place can be gone to.
 pub fn is_place(at: Point) -> bool {
     check_place(0, at).is_ok()
 }
 
-/// Tells whether an altitude can be gone to.
+/// Returns whether an altitude can be gone to.
 pub fn is_altitude(altitude_m: f64) -> bool {
     ALTITUDE_M.contains(&altitude_m)
 }

@@ -1,0 +1,29 @@
+//! What a vehicle wants of its autopilot: words only, no decisions.
+
+use serde::{Deserialize, Serialize};
+
+use crate::geom::{Angle, Point};
+
+/// What the autopilot shall do.
+#[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
+pub enum Fly {
+    /// Drive through the corners and stop at the last. A copter on the ground takes off first, and is to be told again.
+    Drive {
+        /// Corners, without the present place.
+        corners: Vec<Point>,
+        /// Speed limit, m/s.
+        speed_mps: f64,
+    },
+    /// Turn on the spot.
+    Turn(Angle),
+    /// Brake and stand.
+    Stop,
+    /// Let the motors turn again; no effect on one that is armed, nor while somebody else steers. It follows from an order
+    /// of an operator that frees the vehicle.
+    Arm,
+    /// End what somebody else has begun with the autopilot: a person by remote control, or the autopilot by itself. It
+    /// follows from an operator's start that names the take-over.
+    TakeBack,
+    /// Cut the motors; nothing moves before it is armed. In the air: come down, then cut them.
+    Disarm,
+}

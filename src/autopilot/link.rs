@@ -1,0 +1,566 @@
+//! The link of a vehicle to its autopilot: makes commands of what the vehicle wants, and sees them through.
+//!
+//! It is told what the vehicle wants, the autopilot's reports and its answers. It says commands, telemetry with every
+//! report, the status when it changes, and remarks for people. It plans nothing, and does not judge what the vehicle wants.
+//!
+//! ```text
+//!   want: Stop, Disarm ─────────────────► a command at once, past what waits; again until telemetry shows it
+//!   want: Arm ──► mode, then arm ──┐
+//!   want: Drive, Turn ──► mode, then ├──► one command at a time; again until it is answered, three times at most
+//!                      route, turn ──┘
+//!   report ──► telemetry, status; who steers, what was reached
+//! ```
+//!
+//! Laws: nothing that moves the vehicle is said after a stop before the vehicle wants to move again, nor while somebody
+//! else steers, nor while a disarming stands; nor is anything armed after a stop before that; arming is never forced, is
+//! tried three times for one start, and not again once it was seen. A person who has taken over by remote control is not braked either; an autopilot that acts by itself is,
+//! unless it comes down.
+//!
+//! Its parts are machines of their own, each drawn in its file: who steers (`steering.rs`), the motors (`motors.rs`), moving
+//! (`movement.rs`). Deadlines: `autopilot silent`, `answer late`, `stop not shown`, `disarming not shown`, `arming`, `too
+//! late to set out`.
+
+use std::time::Duration;
+
+use serde::{Deserialize, Serialize};
+use tomoswarm_proto::Control;
+
+use super::Settings;
+use super::command::{Ack, ArmRefusal, Command, CommandAck, Kind, Mode, NumberedCommand};
+use super::fly::Fly;
+use super::motors::{ARM_AGAIN, Motors};
+use super::movement::Movement;
+use super::report::{Motion, Report, Status, Telemetry};
+use super::steering::{Hearing, Steering};
+use crate::actor::{Actor, Class, Fault, Input};
+use crate::time::{Deadline, Time};
+
+/// What was not answered, or does not show, is said again after this time.
+pub(super) const SAY_AGAIN: Duration = Duration::from_millis(300);
+/// To an autopilot that is silent a stop is said this often.
+const SAY_AGAIN_INTO_SILENCE: Duration = Duration::from_secs(1);
+/// That a drive was given up for one reason is said this often at most.
+const REMARK_AGAIN: Duration = Duration::from_secs(10);
+/// A command is said so often at most.
+pub(super) const TRIES: u8 = 3;
+
+/// What the link can be told.
+#[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
+pub enum In {
+    /// What the vehicle wants.
+    Fly(Fly),
+    /// What the autopilot says of itself.
+    Report(Report),
+    /// What it answers to a command.
+    Ack(Ack),
+}
+
+/// What the link can say.
+#[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
+pub enum Out {
+    /// To the autopilot.
+    Command(NumberedCommand),
+    /// To the vehicle, with every report.
+    Telemetry(Telemetry),
+    /// To the vehicle, when it has changed.
+    Status(Status),
+    /// For people.
+    Remark(Remark),
+}
+
+/// What became of commands, and what somebody else has done.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize)]
+pub enum Remark {
+    /// A person has taken over by remote control, and chosen this mode.
+    TakenOver(Mode),
+    /// The autopilot has taken this mode by itself.
+    ActsByItself(Mode),
+    /// The autopilot does not do what it was told.
+    GivenUp(Purpose, Reason),
+}
+
+/// What a command that waits for its answer is for.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize)]
+pub enum Purpose {
+    /// The mode in which the autopilot goes where it is told.
+    ChangeMode,
+    /// Current for the motors.
+    Arm,
+    /// A drive, a turn, a take-off.
+    Move,
+}
+
+/// Why something was given up.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize, thiserror::Error)]
+pub enum Reason {
+    /// The autopilot has refused it.
+    #[error("the autopilot has refused it: {0:?}")]
+    Refused(CommandAck),
+    /// It has refused to arm, and said why.
+    #[error("{0}")]
+    WillNotArm(ArmRefusal),
+    /// It does not answer, or does not do what it has accepted.
+    #[error("the autopilot does not do it")]
+    NotDone,
+    /// The motors have no current.
+    #[error("the motors have no current")]
+    NotArmed,
+    /// It could not be begun in time.
+    #[error("it could not be begun in time")]
+    TooLate,
+}
+
+/// A command that waits for its answer.
+#[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
+struct Pending {
+    purpose: Purpose,
+    sent: NumberedCommand,
+    said: Time,
+    tries: u8,
+}
+
+impl Pending {
+    fn due(&self) -> Time {
+        match self.purpose {
+            Purpose::Arm => self.said + ARM_AGAIN,
+            Purpose::ChangeMode | Purpose::Move => self.said + SAY_AGAIN,
+        }
+    }
+}
+
+/// The link of a vehicle to its autopilot.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct AutopilotLink {
+    settings: Settings,
+    /// The number of the last command.
+    pub(super) number: u32,
+    hearing: Hearing,
+    pub(super) steering: Steering,
+    report: Option<Report>,
+    pub(super) motors: Motors,
+    pub(super) movement: Movement,
+    pending: Option<Pending>,
+    /// What the vehicle knows.
+    status: Status,
+    /// The last remark about something that was given up.
+    remarked: Option<(Time, Remark)>,
+}
+
+impl AutopilotLink {
+    /// Makes the link to an autopilot that has not been heard yet.
+    pub fn new(settings: Settings) -> AutopilotLink {
+        AutopilotLink {
+            settings,
+            number: 0,
+            hearing: Hearing::default(),
+            steering: Steering::default(),
+            report: None,
+            motors: Motors::default(),
+            movement: Movement::default(),
+            pending: None,
+            status: Status::default(),
+            remarked: None,
+        }
+    }
+
+    fn want(&mut self, now: Time, fly: Fly) {
+        match fly {
+            Fly::Drive { .. } | Fly::Turn(_) => {
+                if self.may_steer() && !self.motors.is_disarming() {
+                    self.drop_pending_move();
+                    self.motors.go_on();
+                    self.movement.wait(now, fly);
+                }
+            }
+            Fly::Stop => {
+                self.pending.take_if(|pending| pending.purpose != Purpose::ChangeMode);
+                self.motors.postpone();
+                match self.steering {
+                    Steering::Ours(_) | Steering::Own => self.movement.stop(now, SAY_AGAIN),
+                    Steering::Remote => self.movement.give_up_waiting(),
+                }
+            }
+            Fly::TakeBack => self.steering.take_back(self.shown_mode()),
+            // Nobody is armed against who steers: the vehicle may not know yet of one who has taken over just now.
+            Fly::Arm if !self.steering.is_ours() => {}
+            Fly::Arm => {
+                // A change of mode that waits for its answer serves the start as well.
+                self.pending.take_if(|pending| pending.purpose != Purpose::ChangeMode);
+                self.motors.start(now);
+            }
+            Fly::Disarm => {
+                self.drop_pending();
+                self.movement.give_up_waiting();
+                self.motors.disarm();
+            }
+        }
+    }
+
+    fn report(&mut self, now: Time, report: Report, out: &mut Vec<Out>) {
+        let was_silent = self.report.is_some() && !self.hearing.is_heard();
+        self.hearing = Hearing::Heard { at: now };
+        self.report = Some(report);
+        if self.steering.take(now, report.mode, report.status, was_silent) {
+            self.let_go(report.mode, out);
+        }
+        self.motors.take(now, report.is_armed);
+        self.movement.take(report.motion == Motion::Resting);
+        self.say_status(out);
+        out.push(Out::Telemetry(report.telemetry()));
+    }
+
+    /// Somebody else has taken over: what was wanted is not wanted any more, but for a disarming.
+    fn let_go(&mut self, mode: Mode, out: &mut Vec<Out>) {
+        self.drop_pending();
+        self.movement = Movement::Idle;
+        self.motors.let_go();
+        out.push(Out::Remark(match self.steering {
+            Steering::Own => Remark::ActsByItself(mode),
+            Steering::Ours(_) | Steering::Remote => Remark::TakenOver(mode),
+        }));
+    }
+
+    fn answer(&mut self, now: Time, ack: Ack, out: &mut Vec<Out>) {
+        self.motors.disarm_answered(ack.number, ack.result);
+        // To whichever try: one that was accepted late was accepted.
+        self.motors.arm_answered(now, &ack);
+        let Some(pending) = self.pending.take_if(|pending| pending.sent.number == ack.number) else { return };
+        match (pending.purpose, ack.result) {
+            (Purpose::Arm, _) => {}
+            (Purpose::ChangeMode, CommandAck::Accepted) => self.steering.change_accepted(),
+            (Purpose::Move, CommandAck::Accepted) => self.movement.give_up_waiting(),
+            (purpose @ (Purpose::ChangeMode | Purpose::Move), refused) => {
+                self.give_up(now, purpose, Reason::Refused(refused), out);
+            }
+        }
+    }
+
+    /// Says what is due now: stops and disarmings first, and past what waits for an answer. By what is begun then a stop
+    /// may have become possible that was not before.
+    fn act(&mut self, now: Time, out: &mut Vec<Out>) {
+        self.stop_or_disarm(now, out);
+        if !self.may_steer() {
+            self.drop_pending();
+            self.movement.give_up_waiting();
+            return;
+        }
+        self.see_through(now, out);
+        if self.pending.is_none() {
+            self.begin_next(now, out);
+        }
+        self.stop_or_disarm(now, out);
+    }
+
+    fn stop_or_disarm(&mut self, now: Time, out: &mut Vec<Out>) {
+        if self.stop_due().is_some_and(|at| at <= now) {
+            self.say_stop(now, out);
+        }
+        if self.disarm_due().is_some_and(|at| at <= now) {
+            self.say_disarm(now, out);
+        }
+    }
+
+    fn say_stop(&mut self, now: Time, out: &mut Vec<Out>) {
+        let Some(command) = self.stop_command() else { return };
+        self.say(now, command, out);
+        self.movement.stop_said(now);
+    }
+
+    /// Returns how the vehicle is brought to rest; `None` when that is not this software's to do (a person steers), or
+    /// nothing is left to say: it comes down, or shows the mode already in which it stands. One that moves in that mode is
+    /// being taken over by somebody, which its next heartbeat will tell.
+    fn stop_command(&self) -> Option<Command> {
+        let stay = match self.settings.kind {
+            Kind::Rover => Mode::Hold,
+            Kind::Copter => Mode::Loiter,
+        };
+        let mode = match self.steering {
+            Steering::Ours(_) => self.steering.own_mode(),
+            Steering::Own => self.shown_mode(),
+            Steering::Remote => return None,
+        };
+        match (mode, self.settings.kind) {
+            (Some(Mode::Land), _) => None,
+            (Some(Mode::Return), Kind::Copter) if !self.steering.is_ours() => None,
+            (Some(Mode::Guided) | None, _) => Some(Command::Stop),
+            (Some(mode), _) => {
+                (mode != stay || self.shown_mode() != Some(stay)).then_some(Command::Mode(stay))
+            }
+        }
+    }
+
+    fn say_disarm(&mut self, now: Time, out: &mut Vec<Out>) {
+        let Some(command) = self.disarm_command() else { return };
+        let number = self.say(now, command, out);
+        self.motors.disarm_said(now, number);
+    }
+
+    /// Returns how the motors lose their current: in the air only after a landing. `None` while it comes down, and as long
+    /// as a person flies it.
+    fn disarm_command(&self) -> Option<Command> {
+        let is_landed = self.report.is_none_or(|report| report.is_landed);
+        match (is_landed, &self.steering) {
+            (true, _) => Some(Command::Disarm { force: false }),
+            (false, Steering::Remote) => None,
+            (false, Steering::Ours(_) | Steering::Own) if self.shown_mode() == Some(Mode::Land) => None,
+            (false, Steering::Ours(_) | Steering::Own) => Some(Command::Mode(Mode::Land)),
+        }
+    }
+
+    /// Says again what was not answered, or gives it up.
+    fn see_through(&mut self, now: Time, out: &mut Vec<Out>) {
+        let Some(pending) = self.pending.take_if(|pending| pending.due() <= now) else { return };
+        match pending.purpose {
+            // Each try to arm is counted on its own.
+            Purpose::Arm => {}
+            Purpose::Move if self.movement.waits_until().is_none_or(|until| until <= now) => {
+                self.give_up(now, Purpose::Move, Reason::TooLate, out);
+            }
+            Purpose::ChangeMode | Purpose::Move if pending.tries < TRIES => {
+                self.send(now, pending.purpose, pending.sent, pending.tries + 1, out);
+            }
+            purpose @ (Purpose::ChangeMode | Purpose::Move) => {
+                self.give_up(now, purpose, Reason::NotDone, out)
+            }
+        }
+    }
+
+    /// Begins what is to be done next, if anything is.
+    fn begin_next(&mut self, now: Time, out: &mut Vec<Out>) {
+        if let Some(due) = self.motors.arm_due() {
+            if due <= now {
+                self.arm(now, out);
+            }
+            if matches!(self.motors, Motors::Arming(_)) {
+                self.give_up_when_late(now, out);
+                return;
+            }
+        }
+        self.give_up_when_late(now, out);
+        let Movement::Waiting { fly, .. } = &self.movement else { return };
+        if !self.has_current() {
+            self.give_up(now, Purpose::Move, Reason::NotArmed, out);
+        } else if self.steering.own_mode() != Some(Mode::Guided) {
+            self.change_mode(now, out);
+        } else {
+            let command = self.move_command(fly);
+            self.begin(now, Purpose::Move, command, out);
+        }
+    }
+
+    /// Takes the next step of an arming: the mode first.
+    fn arm(&mut self, now: Time, out: &mut Vec<Out>) {
+        if let Some(reason) = self.motors.is_given_up(now) {
+            let reason = reason.map_or(Reason::NotDone, Reason::WillNotArm);
+            self.give_up(now, Purpose::Arm, reason, out);
+        } else if self.steering.own_mode() != Some(Mode::Guided) {
+            self.change_mode(now, out);
+        } else {
+            self.motors.take(now, self.report.is_some_and(|report| report.is_armed));
+            if let Motors::Arming(_) = self.motors {
+                let fresh = self.next_number();
+                let number = self.motors.tried(now, fresh);
+                let sent = NumberedCommand { number, command: Command::Arm { force: false } };
+                self.send(now, Purpose::Arm, sent, 1, out);
+            }
+        }
+    }
+
+    fn give_up_when_late(&mut self, now: Time, out: &mut Vec<Out>) {
+        if self.movement.waits_until().is_some_and(|until| until <= now) {
+            self.give_up(now, Purpose::Move, Reason::TooLate, out);
+        }
+    }
+
+    fn change_mode(&mut self, now: Time, out: &mut Vec<Out>) {
+        self.begin(now, Purpose::ChangeMode, Command::Mode(Mode::Guided), out);
+    }
+
+    fn move_command(&self, fly: &Fly) -> Command {
+        let is_copter = self.settings.kind == Kind::Copter;
+        let altitude_m = self.settings.altitude_m;
+        match fly {
+            Fly::Drive { .. } if is_copter && self.report.is_some_and(|report| report.is_landed) => {
+                Command::Takeoff { altitude_m }
+            }
+            // One that is sent on while it climbs goes on to its altitude.
+            Fly::Drive { corners, speed_mps } => Command::Route {
+                corners: corners.clone(),
+                altitude_m: is_copter.then_some(altitude_m),
+                speed_mps: Some(*speed_mps),
+            },
+            Fly::Turn(heading) => Command::Yaw(*heading),
+            Fly::Stop | Fly::Arm | Fly::TakeBack | Fly::Disarm => Command::Stop,
+        }
+    }
+
+    fn give_up(&mut self, now: Time, purpose: Purpose, reason: Reason, out: &mut Vec<Out>) {
+        match purpose {
+            Purpose::ChangeMode => {
+                self.steering.change_given_up(self.shown_mode());
+                if matches!(self.motors, Motors::Arming(_)) {
+                    self.motors = Motors::GivenUp;
+                }
+                self.movement.give_up_waiting();
+            }
+            Purpose::Arm => self.motors = Motors::GivenUp,
+            Purpose::Move => self.movement.give_up_waiting(),
+        }
+        // A vehicle that may not move tries again and again.
+        let remark = Remark::GivenUp(purpose, reason);
+        let was_said = |(at, said)| said == remark && now.since(at) < REMARK_AGAIN;
+        if purpose != Purpose::Move || !self.remarked.is_some_and(was_said) {
+            self.remarked = Some((now, remark));
+            out.push(Out::Remark(remark));
+        }
+    }
+
+    fn begin(&mut self, now: Time, purpose: Purpose, command: Command, out: &mut Vec<Out>) {
+        let number = self.next_number();
+        self.send(now, purpose, NumberedCommand { number, command }, 1, out);
+    }
+
+    fn send(&mut self, now: Time, purpose: Purpose, sent: NumberedCommand, tries: u8, out: &mut Vec<Out>) {
+        self.note_mode(now, &sent.command);
+        out.push(Out::Command(sent.clone()));
+        self.pending = Some(Pending { purpose, sent, said: now, tries });
+    }
+
+    /// Says a command that waits for no answer; returns its number.
+    fn say(&mut self, now: Time, command: Command, out: &mut Vec<Out>) -> u32 {
+        let number = self.next_number();
+        self.note_mode(now, &command);
+        out.push(Out::Command(NumberedCommand { number, command }));
+        number
+    }
+
+    fn note_mode(&mut self, now: Time, command: &Command) {
+        if let Command::Mode(mode) = command {
+            self.steering.change(now, *mode);
+        }
+    }
+
+    fn next_number(&mut self) -> u32 {
+        self.number = self.number.wrapping_add(1).max(1);
+        self.number
+    }
+
+    /// Forgets what waits for its answer; a change of mode may take place, or not.
+    fn drop_pending(&mut self) {
+        if self.pending.take().is_some_and(|pending| pending.purpose == Purpose::ChangeMode) {
+            self.steering.change_given_up(self.shown_mode());
+        }
+    }
+
+    /// Forgets a drive or a turn that waits for its answer.
+    fn drop_pending_move(&mut self) {
+        self.pending.take_if(|pending| pending.purpose == Purpose::Move);
+    }
+
+    fn say_status(&mut self, out: &mut Vec<Out>) {
+        let control = match self.steering {
+            _ if !self.hearing.is_heard() => Control::Silent,
+            Steering::Ours(_) => Control::Ours,
+            Steering::Remote => Control::Remote,
+            Steering::Own => Control::Own,
+        };
+        let status = Status { control, is_landed: self.report.is_none_or(|report| report.is_landed) };
+        if status != self.status {
+            self.status = status;
+            out.push(Out::Status(status));
+        }
+    }
+
+    /// Returns whether the autopilot is heard, and nobody else steers.
+    fn may_steer(&self) -> bool {
+        self.hearing.is_heard() && self.steering.is_ours()
+    }
+
+    /// Returns whether the motors have current, as far as is known; what was accepted shows later.
+    fn has_current(&self) -> bool {
+        match self.motors {
+            Motors::Accepted { since: _ } => true,
+            Motors::Disarming(_) => false,
+            Motors::Unasked | Motors::Arming(_) | Motors::Postponed(_) | Motors::Armed | Motors::GivenUp => {
+                self.report.is_some_and(|report| report.is_armed)
+            }
+        }
+    }
+
+    fn shown_mode(&self) -> Option<Mode> {
+        self.report.map(|report| report.mode)
+    }
+
+    fn again(&self) -> Duration {
+        if self.hearing.is_heard() { SAY_AGAIN } else { SAY_AGAIN_INTO_SILENCE }
+    }
+
+    fn stop_due(&self) -> Option<Time> {
+        self.movement.stop_due(self.again()).filter(|_| self.stop_command().is_some())
+    }
+
+    fn disarm_due(&self) -> Option<Time> {
+        let is_armed = self.report.is_none_or(|report| report.is_armed);
+        self.motors.disarm_due(is_armed, self.again()).filter(|_| self.disarm_command().is_some())
+    }
+}
+
+impl Actor for AutopilotLink {
+    type In = In;
+    type Out = Out;
+
+    fn handle(&mut self, now: Time, input: In, out: &mut Vec<Out>) -> Result<(), Fault> {
+        match input {
+            In::Fly(fly) => {
+                self.want(now, fly);
+                self.say_status(out);
+            }
+            In::Report(report) => self.report(now, report, out),
+            In::Ack(ack) => self.answer(now, ack, out),
+        }
+        self.act(now, out);
+        Ok(())
+    }
+
+    fn deadline(&self) -> Option<Deadline> {
+        let due = |at: Option<Time>, why: &'static str| at.map(|at| Deadline { at, why });
+        let urgent = [
+            self.hearing.deadline(),
+            due(self.stop_due(), "stop not shown"),
+            due(self.disarm_due(), "disarming not shown"),
+        ];
+        let pending = self.pending.as_ref().map(Pending::due);
+        let is_free = self.may_steer() && pending.is_none();
+        let ordinary = [
+            due(pending, "answer late"),
+            due(self.motors.arm_due().filter(|_| is_free), "arming"),
+            due(self.movement.waits_until().filter(|_| is_free), "too late to set out"),
+        ];
+        urgent.into_iter().chain(ordinary).fold(None, Deadline::earlier)
+    }
+
+    fn wake(&mut self, now: Time, out: &mut Vec<Out>) -> Result<(), Fault> {
+        self.hearing.look(now);
+        self.say_status(out);
+        self.act(now, out);
+        Ok(())
+    }
+}
+
+/// Which inputs replace unread ones.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub enum Key {
+    /// The autopilot's report.
+    Report,
+}
+
+impl Input for In {
+    type Key = Key;
+
+    fn class(&self) -> Class<Key> {
+        match self {
+            In::Report(_) => Class::Latest(Key::Report),
+            In::Fly(_) | In::Ack(_) => Class::Queue,
+        }
+    }
+}

@@ -1,0 +1,94 @@
+//! What an autopilot says of itself, and what the vehicle is told of it: words only, no decisions.
+
+use serde::{Deserialize, Serialize};
+use tomoswarm_proto::Control;
+
+use super::command::Mode;
+use crate::geom::Pose;
+
+/// What an autopilot has said of itself by now, ten times a second. Its mode, whether it is armed, and how it is as a whole
+/// come with its heartbeat: they may be a second old.
+#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
+pub struct Report {
+    /// Where it believes to be, facing where, and how sure it is of that.
+    pub pose: Pose,
+    /// Altitude above home, metres.
+    pub altitude_m: f64,
+    /// Speed over ground, m/s.
+    pub speed_mps: f64,
+    /// Charge left, 0 to 1.
+    pub battery: f64,
+    /// Whether and how it moves.
+    pub motion: Motion,
+    /// Whether it stands on the ground; always for what drives.
+    pub is_landed: bool,
+    /// What it does.
+    pub mode: Mode,
+    /// Whether the motors have current.
+    pub is_armed: bool,
+    /// How it is, as a whole.
+    pub status: SystemStatus,
+}
+
+/// How an autopilot is, as a whole: MAV_STATE.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize)]
+pub enum SystemStatus {
+    /// It is not ready to be armed yet.
+    Booting,
+    /// It stands on the ground.
+    Standby,
+    /// It moves, or may move at any time.
+    Active,
+    /// A failsafe is in force.
+    Critical,
+}
+
+/// Whether and how a body moves.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize)]
+pub enum Motion {
+    /// Standing.
+    Resting,
+    /// Turning on the spot, or changing its altitude there.
+    Turning,
+    /// Driving.
+    Driving,
+}
+
+/// What the vehicle is told with every report.
+#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
+pub struct Telemetry {
+    /// Where the autopilot believes to be.
+    pub pose: Pose,
+    /// Speed over ground, m/s.
+    pub speed_mps: f64,
+    /// Charge left, 0 to 1.
+    pub battery: f64,
+    /// Whether and how the body moves.
+    pub motion: Motion,
+    /// Whether the motors have current.
+    pub is_armed: bool,
+}
+
+/// What the vehicle is told when it changes.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize)]
+pub struct Status {
+    /// Who steers.
+    pub control: Control,
+    /// Whether the vehicle stands on the ground; always for what drives.
+    pub is_landed: bool,
+}
+
+impl Default for Status {
+    /// On the ground, and nobody else steers, as far as is known before the autopilot was heard.
+    fn default() -> Status {
+        Status { control: Control::Ours, is_landed: true }
+    }
+}
+
+impl Report {
+    /// Returns what of it the vehicle is told every time.
+    pub fn telemetry(&self) -> Telemetry {
+        let Report { pose, speed_mps, battery, motion, is_armed, .. } = *self;
+        Telemetry { pose, speed_mps, battery, motion, is_armed }
+    }
+}

@@ -1,0 +1,243 @@
+//! Whether the autopilot is heard, and who steers: this software, a person by remote control, or the autopilot by itself.
+//! It commands nothing.
+//!
+//! ```text
+//!   [NeverHeard] ──report──► [Heard] ──2 s without──► [Silent] ──report──► [Heard]
+//!
+//!   [Ours] ──a mode that nobody here has asked for──► [Remote]
+//!      ▲ └── the same, while a failsafe is in force, the autopilot starts up, or after a silence ──► [Own]
+//!      └──── TakeBack, by an operator's start that names it ──── [Remote], [Own]
+//! ```
+//!
+//! One that is first heard in a mode in which it does not just stand was taken over before.
+//! A heartbeat tells the mode a second late, and one may be lost: a mode of before that shows within 3 s of a change of our
+//! own is no take-over. When it still shows after that, somebody has changed it back.
+
+use std::time::Duration;
+
+use serde::{Deserialize, Serialize};
+
+use super::command::Mode;
+use super::report::SystemStatus;
+use crate::time::{Deadline, Time};
+
+/// Without a report for so long the autopilot is silent.
+pub(super) const SILENT_AFTER: Duration = Duration::from_secs(2);
+/// A mode of before may show for so long after a change of our own.
+pub(super) const OLD_MODE_SHOWS: Duration = Duration::from_secs(3);
+
+/// Whether the autopilot is heard.
+#[derive(Clone, Copy, PartialEq, Debug, Default, Serialize, Deserialize)]
+pub(super) enum Hearing {
+    /// It has not been heard yet.
+    #[default]
+    NeverHeard,
+    /// It is.
+    Heard {
+        /// When the last report came.
+        at: Time,
+    },
+    /// It was, and is not any more.
+    Silent,
+}
+
+impl Hearing {
+    /// Returns when it will be silent; `None` when it is, or was never heard.
+    pub fn deadline(self) -> Option<Deadline> {
+        match self {
+            Hearing::NeverHeard | Hearing::Silent => None,
+            Hearing::Heard { at } => Some(Deadline { at: at + SILENT_AFTER, why: "autopilot silent" }),
+        }
+    }
+
+    /// Takes note that it is silent, if it has become so by now.
+    pub fn look(&mut self, now: Time) {
+        if self.deadline().is_some_and(|due| due.at <= now) {
+            *self = Hearing::Silent;
+        }
+    }
+
+    /// Returns whether it is heard.
+    pub fn is_heard(self) -> bool {
+        match self {
+            Hearing::Heard { at: _ } => true,
+            Hearing::NeverHeard | Hearing::Silent => false,
+        }
+    }
+}
+
+/// Who steers.
+#[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
+pub(super) enum Steering {
+    /// This software, as far as it has said anything.
+    Ours(OwnModes),
+    /// A person, until it is taken back.
+    Remote,
+    /// The autopilot by itself, until it is taken back.
+    Own,
+}
+
+/// Which modes are explained by what was said here.
+#[derive(Clone, PartialEq, Debug, Default, Serialize, Deserialize)]
+pub(super) struct OwnModes {
+    /// The mode that it is in, or was told to take; `None` before it was heard.
+    expected: Option<Mode>,
+    /// When it was told last to change its mode.
+    changed: Option<Time>,
+    /// What became of that.
+    change: ChangeOfMode,
+    /// The modes that it was in before, or told to take, since modes change.
+    before: Vec<Mode>,
+}
+
+/// What became of the last change of mode.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Default, Serialize, Deserialize)]
+enum ChangeOfMode {
+    /// It was accepted, or has shown, or there was none.
+    #[default]
+    Accepted,
+    /// It may take place.
+    Told,
+    /// It was refused or not answered; it may have taken place all the same.
+    GivenUp,
+}
+
+impl Default for Steering {
+    fn default() -> Steering {
+        Steering::Ours(OwnModes::default())
+    }
+}
+
+impl Steering {
+    /// Takes what a report tells; `was_silent` when there was none for a while before it. Returns whether somebody else has
+    /// taken over just now.
+    pub fn take(&mut self, now: Time, mode: Mode, status: SystemStatus, was_silent: bool) -> bool {
+        let Steering::Ours(modes) = self else { return false };
+        if modes.explain(now, mode) {
+            return false;
+        }
+        *self = match status {
+            SystemStatus::Critical | SystemStatus::Booting => Steering::Own,
+            SystemStatus::Standby | SystemStatus::Active if was_silent => Steering::Own,
+            SystemStatus::Standby | SystemStatus::Active => Steering::Remote,
+        };
+        true
+    }
+
+    /// Gives it back to this software, from the mode that shows: an operator's start has named the take-over.
+    pub fn take_back(&mut self, shown: Option<Mode>) {
+        match self {
+            Steering::Ours(_) => {}
+            Steering::Remote | Steering::Own => {
+                *self = Steering::Ours(OwnModes { expected: shown, ..OwnModes::default() });
+            }
+        }
+    }
+
+    /// Takes note that the autopilot is told now to change its mode.
+    pub fn change(&mut self, now: Time, to: Mode) {
+        match self {
+            Steering::Ours(modes) => modes.change(now, to),
+            Steering::Remote | Steering::Own => {}
+        }
+    }
+
+    /// Takes note that the autopilot has accepted the change.
+    pub fn change_accepted(&mut self) {
+        match self {
+            Steering::Ours(modes) => modes.change = ChangeOfMode::Accepted,
+            Steering::Remote | Steering::Own => {}
+        }
+    }
+
+    /// Takes note that the change was given up: the mode is the one that shows.
+    pub fn change_given_up(&mut self, shown: Option<Mode>) {
+        match self {
+            Steering::Ours(modes) => {
+                modes.remember_expected();
+                (modes.expected, modes.change) = (shown, ChangeOfMode::GivenUp);
+            }
+            Steering::Remote | Steering::Own => {}
+        }
+    }
+
+    /// Returns the mode that the autopilot is in, as far as this software is concerned: the one that it was told last, or
+    /// the one that shows. `None` while somebody else steers, or before it was heard.
+    pub fn own_mode(&self) -> Option<Mode> {
+        match self {
+            Steering::Ours(modes) => modes.expected,
+            Steering::Remote | Steering::Own => None,
+        }
+    }
+
+    /// Returns whether nobody else steers.
+    pub fn is_ours(&self) -> bool {
+        match self {
+            Steering::Ours(_) => true,
+            Steering::Remote | Steering::Own => false,
+        }
+    }
+}
+
+/// Returns whether a vehicle that is in this mode when it is heard first waits for its companion. In any other one
+/// somebody else has begun something.
+fn stands(mode: Mode) -> bool {
+    match mode {
+        Mode::Hold | Mode::Guided | Mode::Land => true,
+        Mode::Manual | Mode::Loiter | Mode::Auto | Mode::Return => false,
+    }
+}
+
+impl OwnModes {
+    /// Returns whether a mode that shows is explained by what was said here.
+    fn explain(&mut self, now: Time, shown: Mode) -> bool {
+        let Some(expected) = self.expected else {
+            self.expected = Some(shown);
+            return stands(shown);
+        };
+        if shown == expected {
+            if self.change == ChangeOfMode::Told {
+                self.change = ChangeOfMode::Accepted;
+            }
+            return true;
+        }
+        if !self.before.contains(&shown) {
+            return false;
+        }
+        let is_recent = self.changed.is_some_and(|at| now.since(at) <= OLD_MODE_SHOWS);
+        match self.change {
+            ChangeOfMode::Accepted => is_recent,
+            // What was neither accepted nor ever showed has not taken place.
+            ChangeOfMode::Told => {
+                if !is_recent {
+                    self.expected = Some(shown);
+                }
+                true
+            }
+            // It may have taken place, or not: what shows is believed.
+            ChangeOfMode::GivenUp => {
+                self.remember_expected();
+                self.expected = Some(shown);
+                is_recent
+            }
+        }
+    }
+
+    fn change(&mut self, now: Time, to: Mode) {
+        let is_long_ago = self.changed.is_none_or(|at| now.since(at) > OLD_MODE_SHOWS);
+        self.changed = Some(now);
+        if self.expected == Some(to) {
+            return;
+        }
+        if is_long_ago {
+            self.before.clear();
+        }
+        self.remember_expected();
+        (self.expected, self.change) = (Some(to), ChangeOfMode::Told);
+    }
+
+    fn remember_expected(&mut self) {
+        let known = self.expected.filter(|mode| !self.before.contains(mode));
+        self.before.extend(known);
+    }
+}
