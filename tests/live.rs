@@ -1,5 +1,6 @@
 //! A whole live mission as one command: `sim --live` with real processes, in real time.
 #![cfg(feature = "net")]
+#![allow(clippy::disallowed_methods, reason = "processes live in real time")]
 
 use std::path::Path;
 use std::process::{Command, Stdio};

@@ -135,11 +135,11 @@ impl Assignment {
             TaskKind::Search => (vec![], Task::Search),
             TaskKind::Explore => (vec![], Task::Explore),
         };
-        match () {
-            () if self.is_blind => Err(MissionRefusal::NotCapable),
-            () if !places.iter().all(|at| self.fence.contains(*at)) => Err(MissionRefusal::OutsideFence),
-            () => Ok(share),
+        if self.is_blind {
+            return Err(MissionRefusal::NotCapable);
         }
+        let is_inside = places.iter().all(|at| self.fence.contains(*at));
+        if is_inside { Ok(share) } else { Err(MissionRefusal::OutsideFence) }
     }
 }
 
