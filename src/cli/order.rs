@@ -51,7 +51,7 @@ pub struct OrderArgs {
     /// With start: begin this mission, as a run of its own [default: what the run is; without a task what the files say]
     #[arg(long, value_name = "KIND", value_parser = PossibleValuesParser::new(GivenMission::kinds()))]
     pub mission: Option<String>,
-    /// A key of the mission, as in a file: of [mission], for one that the ground station plans of [sweep]; may be repeated
+    /// A key of the mission, as a file has it in its table mission, or sweep where the ground station plans; may be repeated
     #[arg(long, value_name = "KEY=VALUE", requires = "mission")]
     pub set: Vec<String>,
     /// The run that the images of the mission are compared with: one without what is looked for
