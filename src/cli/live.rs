@@ -25,8 +25,9 @@ use crate::run::link::WorldControl;
 use crate::run::live::director::{Diary, Director, Going};
 use crate::run::live::files::Places;
 use crate::run::live::gather;
-use crate::run::live::processes::{Ended, Processes, Rank, free_ports};
+use crate::run::live::processes::{Dead, Ended, News, Processes, Rank, free_ports};
 use crate::sim::{EMPTY_RUN, Outcome, Scenario};
+use crate::time::Time;
 
 /// The state is shown this often.
 const SHOWN_EVERY: Duration = Duration::from_secs(1);
@@ -55,11 +56,6 @@ pub fn run(args: &SimArgs, out: &mut dyn Write) -> Result<(), CliError> {
     let scenario = load::scenario(loaded, args.config.as_deref(), args.seed)?;
     if scenario.sim().expect != Expect::Finished {
         let refused = "a mission that is to fail (expect) is for virtual time; it cannot be run live";
-        return Err(CliError::Usage(refused.to_owned()));
-    }
-    if !scenario.sim().task.is_planned_by_ground() {
-        let refused =
-            "only a sweep is run live; in the field, [mission] of a vehicle's file says what it is out for";
         return Err(CliError::Usage(refused.to_owned()));
     }
     let seed = args.seed.unwrap_or(scenario.sim().seed);
@@ -141,11 +137,12 @@ impl Swarm {
             if stop.is_asked() {
                 break Some("it was asked to stop; the folder holds what was measured until then".to_owned());
             }
-            if let Some(dead) = self.processes.dead() {
-                self.director.note(&dead.name, &format!("has ended: {}", dead.how));
+            let now = started.elapsed();
+            let since_start = Time::ZERO + now;
+            let news = self.processes.look_after(since_start);
+            if let Some(dead) = news.into_iter().find_map(|news| self.told_of(news, &bar)) {
                 break Some(format!("{} has ended: {}\n{}", dead.name, dead.how, dead.last_words));
             }
-            let now = started.elapsed();
             if now >= shown {
                 shown = now + SHOWN_EVERY;
                 bar.set_message(self.director.line());
@@ -154,6 +151,27 @@ impl Swarm {
         };
         bar.finish_and_clear();
         failure
+    }
+
+    /// Says what has happened to a process; gives one without which the mission has failed.
+    fn told_of(&mut self, news: News, bar: &ProgressBar) -> Option<Dead> {
+        match news {
+            News::Died { dead, again_after } => {
+                let again = format!("it is started again in {} s", again_after.as_secs());
+                let words = format!("has ended: {}; {again}", dead.how);
+                self.director.note(&dead.name, &words);
+                bar.suspend(|| complain(&format_args!("warning: {} {words}", dead.name)));
+                None
+            }
+            News::Started(name) => {
+                self.director.note(&name, "is started again");
+                None
+            }
+            News::Dead(dead) => {
+                self.director.note(&dead.name, &format!("has ended: {}", dead.how));
+                Some(dead)
+            }
+        }
     }
 
     /// Ends everybody in order, and gathers what is left.

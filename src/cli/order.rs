@@ -2,20 +2,24 @@
 
 use std::collections::BTreeSet;
 use std::io::Write;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::time::Duration;
 
+use clap::builder::PossibleValuesParser;
 use tomoswarm_proto::codec::VERSION;
 use tomoswarm_proto::{OrderKind, RunId, VehicleId};
 
 use super::error::CliError;
 use super::operator::{OperatorContext, fault, seconds};
+use super::read;
 use super::stop::Stop;
+use crate::config::{GivenMission, Venue};
 use crate::operator::fleet_view::Misfit;
+use crate::operator::given_tasks::task_kind;
 use crate::operator::names::{kind_name, ordered};
 use crate::operator::operator_actor::{In, Out};
 use crate::operator::outcome::{Outcome, VehicleOutcome};
-use crate::operator::want::{StopWish, Want};
+use crate::operator::want::{MissionWish, StopWish, Want};
 use crate::run::live_operator::LiveOperator;
 
 /// Between two looks at whether the command shall end.
@@ -44,8 +48,17 @@ pub struct OrderArgs {
     /// Which vehicles [default: all]
     #[arg(value_name = "VEHICLE", value_parser = clap::value_parser!(u8).range(1..=250))]
     pub vehicles: Vec<u8>,
+    /// With start: begin this mission, as a run of its own [default: what the run is; without a task what the files say]
+    #[arg(long, value_name = "KIND", value_parser = PossibleValuesParser::new(GivenMission::kinds()))]
+    pub mission: Option<String>,
+    /// A key of the mission, as a file has it in its table mission, or sweep where the ground station plans; may be repeated
+    #[arg(long, value_name = "KEY=VALUE", requires = "mission")]
+    pub set: Vec<String>,
+    /// The run that the images of the mission are compared with: one without what is looked for
+    #[arg(long, value_name = "N", requires = "mission", value_parser = clap::value_parser!(u32).range(1..=4_294_967_294))]
+    pub compare_with: Option<u32>,
     /// In which run [default: the present one; a start of an idle ground station begins the next]
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=4_294_967_294))]
+    #[arg(long, value_name = "N", conflicts_with = "mission", value_parser = clap::value_parser!(u32).range(1..=4_294_967_294))]
     pub run: Option<u32>,
     /// Take the lease from whoever holds it
     #[arg(long)]
@@ -91,16 +104,26 @@ another venue file. It says what each vehicle shows: in force, and whether it st
 refused while a vehicle was not heard for 2 s and a stop would be lifted, unless --although-unheard names it. A return is
 refused while a stop is open. Whoever has another venue file or version of the wire is named and obeys no order.
 
+A mission goes to the vehicles and to the ground station as a task, and is a run of its own; the vehicles named take part,
+or all. It is shown by each vehicle, or refused with its reason. What --mission takes, and its keys, are those of [mission] in
+a file (configs/README.md): square, waypoints, forward, browse, search, pathfind, explore; and sweep, calibrate, fan,
+fan-straight, which the ground station plans. resume goes on with the mission of the present run.
+
 Examples:
   tomoswarm order operator.toml start                 all vehicles begin
+  tomoswarm order operator.toml start --mission explore
+  tomoswarm order operator.toml start 2 3 --mission pathfind --set 'waypoints_m=[[4, 2], [8, 6]]'
+  tomoswarm order operator.toml start --mission waypoints --set file=yard.waypoints
+  tomoswarm order operator.toml start --mission sweep --set laps=4 --compare-with 1
   tomoswarm order operator.toml hold 2 3              two of them stand still
   tomoswarm order operator.toml emergency             everyone stops at once
   tomoswarm order operator.toml emergency 2           vehicle 2 alone does
   tomoswarm order operator.toml start                 lifts it, and all begin again
   tomoswarm order operator.toml start --take-over     in place of another ground station
 
-Exit codes: 0 every vehicle shows the order; 1 not in time, overruled, nobody heard, a vehicle that does not fit, a start
-of a run while another one is under way, or one that would lift a stop while a vehicle is not heard; 2 bad usage or configuration.";
+Exit codes: 0 every vehicle shows the order; 1 not in time, overruled, nobody heard, a vehicle that does not fit or refuses the
+mission, a start of a run while another one is under way, or one that would lift a stop while a vehicle is not heard; 2 bad usage or
+configuration.";
 
 impl What {
     /// Returns the order that it is; an emergency stop is none.
@@ -141,10 +164,14 @@ impl OrderArgs {
             let refused = "--although-unheard and --lift-all belong to start and resume only";
             return Err(CliError::Usage(refused.to_owned()));
         }
+        if self.mission.is_some() && self.what != What::Start {
+            return Err(CliError::Usage("--mission belongs to start only".to_owned()));
+        }
         let context = OperatorContext::read(&self.config)?;
+        let mission = self.mission(&context.venue)?;
         let stop = Stop::listen();
         let mut operator = context.open()?;
-        operator.tell(self.wish());
+        operator.tell(self.wish(mission));
         let outcome = until_over(&mut operator, &stop)?;
         let troubles = operator.session().troubles();
         operator.close();
@@ -156,8 +183,22 @@ impl OrderArgs {
         if outcome.is_done() { Ok(()) } else { Err(undone(self.what.name(), &outcome, &troubles)) }
     }
 
+    /// Returns the mission that is to be begun, if one is named.
+    ///
+    /// # Errors
+    /// Mistakes in its keys.
+    fn mission(&self, venue: &Venue) -> Result<Option<MissionWish>, CliError> {
+        let Some(kind) = &self.mission else { return Ok(None) };
+        let vehicles = Some(self.vehicles.len()).filter(|count| *count > 0);
+        let mut loader = |name: &str| read::named(Path::new(name));
+        let GivenMission { task, sweep } =
+            GivenMission::read(kind, &self.set, (venue, vehicles), &mut loader)?;
+        let compare_with = self.compare_with.map(RunId);
+        Ok(Some(MissionWish { kind: task_kind(&task, &sweep), compare_with }))
+    }
+
     /// Returns what the operator is told.
-    fn wish(&self) -> In {
+    fn wish(&self, mission: Option<MissionWish>) -> In {
         let ids = |all: &[u8]| all.iter().map(|id| VehicleId(*id)).collect();
         let (vehicles, within) = (ids(&self.vehicles), self.timeout);
         match self.what.kind() {
@@ -167,6 +208,7 @@ impl OrderArgs {
                 Want {
                     run: self.run.map(RunId),
                     begins: self.what == What::Start,
+                    mission,
                     take_over: self.take_over,
                     although_unheard: ids(&self.although_unheard),
                     lifts_many: self.lift_all,
@@ -216,6 +258,8 @@ fn told(name: &str, venue_hash: u64, outcome: &Outcome) -> String {
             let holder = echo.lease.holder;
             format!("vehicle {id}: overruled by {} (holder {holder:016x})\n", ordered(*echo))
         }
+        VehicleOutcome::NotOut => format!("vehicle {id}: has started, but does not show the mission\n"),
+        VehicleOutcome::Refused(why) => format!("vehicle {id}: refuses the mission: {why}\n"),
         VehicleOutcome::Ignored => format!("vehicle {id}: is heard, but has not obeyed\n"),
         VehicleOutcome::Unheard => format!("vehicle {id}: not heard\n"),
         VehicleOutcome::Withdrawn => format!("vehicle {id}: something else is wanted of it\n"),

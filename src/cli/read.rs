@@ -82,7 +82,7 @@ pub fn shown(path: &Path) -> String {
 /// # Errors
 ///
 /// As for [`text`], without the name of the file.
-fn named(path: &Path) -> Result<String, String> {
+pub fn named(path: &Path) -> Result<String, String> {
     text(path).map_err(|error| match error {
         CliError::Read { source, .. } => source.to_string(),
         CliError::Input { reason, .. } => reason,

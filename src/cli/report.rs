@@ -284,6 +284,7 @@ fn ended(end: Option<&(Time, End)>) -> String {
         End::GaveUp(places) => format!("gave up {places} of its places"),
         End::NoRoom => "gave up (its peers never made room)".to_owned(),
         End::TooLarge => "gave up (its ground is too large to be searched)".to_owned(),
+        End::Refused(why) => format!("was refused: {why}"),
     };
     format!("{how} after {:.1} min", at.as_secs_f64() / 60.0)
 }

@@ -44,7 +44,8 @@ pub struct StatusArgs {
 }
 
 const AFTER_HELP: &str = "\
-`ordered` is the last order obeyed with its lease and revision; `waiting` are samples that the ground has not confirmed;
+`mission` is what the vehicle is out for, what it does for it now, how much is done or left, and how it has ended; `runs` are the
+last runs, and how each ended. `ordered` is the last order obeyed with its lease and revision; `waiting` are samples that the ground has not confirmed;
 `hears` is whom it hears by radio; a dash is what was not reported.
 
 Examples:

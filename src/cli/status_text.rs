@@ -2,16 +2,21 @@
 
 use serde_json::{Value, json};
 use tomoswarm_proto::codec::VERSION;
-use tomoswarm_proto::{Control, OperatorId, PoseReport, Progress, Report, State, StopId, VehicleId};
+use tomoswarm_proto::{
+    Control, Mission, MissionKind, OperatorId, PoseReport, Progress, Report, RunReport, State, StopId,
+    VehicleId,
+};
 
 use super::table::table;
 use crate::geom::Vector;
 use crate::operator::fleet_view::{FleetView, Fresh, VehicleView};
-use crate::operator::names::{control, kind_name, listed, mode, ordered, phase, troubles};
+use crate::operator::names::{
+    control, kind_name, listed, mission, mission_phase, mode, ordered, phase, run_end, troubles,
+};
 use crate::operator::status::Expected;
 use crate::time::Time;
 
-const HEADING: [&str; 14] = [
+const HEADING: [&str; 15] = [
     "vehicle",
     "boot",
     "mode",
@@ -19,6 +24,7 @@ const HEADING: [&str; 14] = [
     "m/s",
     "battery",
     "run/rev",
+    "mission",
     "done",
     "leg",
     "ordered",
@@ -82,7 +88,8 @@ fn row(id: VehicleId, seen: &VehicleView, now: Time) -> Vec<String> {
         said.pose.map_or_else(dash, place),
         format!("{:.2}", Vector::from(said.velocity).length_m()),
         said.battery.map_or_else(dash, |battery| format!("{:.0} %", battery.fraction() * 100.0)),
-        format!("{}/{}", said.accepted.0, said.accepted.1),
+        run(said, seen),
+        seen.mission.as_ref().map_or_else(dash, |said| how_far(&said.value)),
         of_progress(|progress| progress.done),
         of_progress(|progress| progress.leg),
         ordered(said.ordered),
@@ -91,6 +98,30 @@ fn row(id: VehicleId, seen: &VehicleView, now: Time) -> Vec<String> {
         health.map_or_else(dash, |health| listed(&health.hears)),
         health.map_or_else(dash, |health| troubles(&health.troubles)),
     ]
+}
+
+/// Returns the run and the revision that a vehicle follows; a mission of its own has none.
+fn run(state: &State, seen: &VehicleView) -> String {
+    let own = seen.mission.as_ref().map(|said| &said.value).filter(|said| said.kind != MissionKind::Sweep);
+    match own {
+        Some(said) => format!("{}/-", said.progress.run),
+        None => format!("{}/{}", state.accepted.0, state.accepted.1),
+    }
+}
+
+/// Returns what a vehicle is out for, and how far it is or how it has ended.
+fn how_far(said: &Mission) -> String {
+    let mut text = format!("{} {}", mission(said.kind), mission_phase(said.phase));
+    if let Some(end) = said.end {
+        return text + &format!(", {end}");
+    }
+    if let Some(share) = said.share {
+        text += &format!(" {:.0} %", share.fraction() * 100.0);
+    }
+    if said.places_left > 0 {
+        text += &format!(", {} left", said.places_left);
+    }
+    text
 }
 
 /// Returns a place with its deviation, as far as that is known.
@@ -113,7 +144,22 @@ fn ground_lines(report: &Fresh<Report>, now: Time) -> String {
         listed(&report.value.lost),
         troubles(&report.value.troubles),
         report.age(now).as_secs_f64(),
-    )
+    ) + &runs(&report.value.runs)
+}
+
+/// Returns in one line how the last runs ended; nothing of none.
+fn runs(reports: &[RunReport]) -> String {
+    let run = |report: &RunReport| {
+        let RunReport { run, kind, compared_with, end, samples, images } = report;
+        let (kind_word, end) = (mission(*kind), run_end(*end));
+        if *kind != MissionKind::Sweep {
+            return format!("{run} {kind_word} {end}");
+        }
+        let compared = compared_with.map_or(String::new(), |other| format!(" against {other}"));
+        format!("{run} {kind_word}{compared} {end}, {samples} samples, {images} images")
+    };
+    let all: Vec<String> = reports.iter().map(run).collect();
+    if all.is_empty() { String::new() } else { format!("runs  {}\n", all.join("; ")) }
 }
 
 /// Returns the fleet as one object.
@@ -152,7 +198,10 @@ pub fn json(view: &FleetView, expected: &Expected, now: Time) -> Value {
 mod tests {
     use super::*;
     use crate::operator::tests_support::{Rover, at, heard, report, state};
-    use tomoswarm_proto::{Health, Lease, Message, Mission, Mode, OrderKind, Revision, RunId, StationPhase};
+    use tomoswarm_proto::{
+        Boot, Health, Lease, Message, MissionEnd, MissionPhase, MissionRefusal, Mode, OrderKind, Permille,
+        Revision, RunEnd, RunId, StationPhase,
+    };
 
     fn view(messages: Vec<Message>) -> FleetView {
         let mut view = FleetView::default();
@@ -170,7 +219,8 @@ mod tests {
         (driving.mode, driving.accepted) = (Mode::Driving, (RunId(6), Revision(2)));
         let progress = Progress { done: Some(StopId(12)), leg: Some(StopId(13)), ..Progress::default() };
         let (vehicle, boot) = (VehicleId(1), driving.boot);
-        let mission = Mission { vehicle, boot, progress, ..Mission::default() };
+        let (phase, share) = (MissionPhase::Going, Some(Permille(450)));
+        let mission = Mission { vehicle, boot, progress, phase, share, places_left: 7, ..Mission::default() };
         let health = Health {
             vehicle: VehicleId(1),
             boot: driving.boot,
@@ -185,7 +235,7 @@ mod tests {
         let words: Vec<&str> = line.split_whitespace().collect();
         assert_eq!(
             words,
-            "1 1 driving 1.00,1.00 ± 0.05 0.00 90 % 6/2 12 13 start 4.7 0.3 55 2,3 disk: full"
+            "1 1 driving 1.00,1.00 ± 0.05 0.00 90 % 6/2 sweep going 45 %, 7 left 12 13 start 4.7 0.3 55 2,3 disk: full"
                 .split_whitespace()
                 .collect::<Vec<&str>>()
         );
@@ -202,6 +252,49 @@ mod tests {
         );
         let lines: Vec<&str> = text.lines().filter(|line| line.starts_with("control")).collect();
         assert_eq!(lines, ["control  vehicle 1: somebody by remote control"]);
+    }
+
+    #[test]
+    fn a_mission_of_its_own_is_said_with_its_run_and_how_it_ended() {
+        let check = |mission: Mission, wanted: &str| {
+            let progress = Progress { run: RunId(5), ..Progress::default() };
+            let mission = Mission { vehicle: VehicleId(1), boot: Boot(1), progress, ..mission };
+            let text = text(
+                &view(vec![Message::State(state(1)), Message::Mission(mission)]),
+                &expected(&[]),
+                at(1.3),
+                None,
+            );
+            let words: Vec<&str> = text.lines().nth(1).unwrap().split_whitespace().collect();
+            let words = words.join(" ");
+            assert!(words.contains(&format!("5/- {wanted} - - -")), "{words}");
+        };
+        let (kind, over) = (MissionKind::Pathfind, MissionPhase::Over);
+        let said = Mission { kind, ..Mission::default() };
+        check(Mission { phase: MissionPhase::Looking, places_left: 3, ..said }, "pathfind looking, 3 left");
+        let ended = |end| Mission { phase: over, end: Some(end), ..said };
+        check(ended(MissionEnd::Done), "pathfind over, done");
+        check(ended(MissionEnd::NoWay(2)), "pathfind over, no way to 2");
+        check(ended(MissionEnd::GaveUp(1)), "pathfind over, gave up 1");
+        let outside = MissionEnd::Refused(MissionRefusal::OutsideFence);
+        check(ended(outside), "pathfind over, refused: a place lies outside the fence");
+    }
+
+    #[test]
+    fn the_last_runs_are_one_line() {
+        let swept = RunReport {
+            run: RunId(3),
+            compared_with: Some(RunId(1)),
+            end: Some(RunEnd::Done),
+            samples: 900,
+            images: 2,
+            ..RunReport::default()
+        };
+        let explored = RunReport { run: RunId(4), kind: MissionKind::Explore, ..RunReport::default() };
+        let said = Report { runs: vec![swept, explored], ..report() };
+        let text = text(&view(vec![Message::Report(said)]), &expected(&[]), at(1.0), None);
+        let line = "runs  3 sweep against 1 done, 900 samples, 2 images; 4 explore open";
+        assert!(text.lines().any(|found| found == line), "{text}");
     }
 
     #[test]

@@ -20,6 +20,7 @@ mod endpoint;
 mod experiment;
 mod fault;
 mod forms;
+mod given_mission;
 mod ground_file;
 mod keys;
 mod mission;
@@ -51,6 +52,7 @@ pub use drivers::{AutopilotDriver, Drivers, RadioDriver, ServoDriver};
 pub use endpoint::{Endpoint, EndpointError, Protocol, is_host};
 pub use experiment::{Axis, Experiment, MOST_RUNS};
 pub use fault::{Fault, FaultKind, FaultWord, PlannedFault};
+pub use given_mission::GivenMission;
 pub use ground_file::{GroundFile, OperatorFile};
 #[cfg(feature = "net")]
 pub(crate) use keys::quoted;

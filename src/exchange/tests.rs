@@ -256,16 +256,17 @@ fn a_flood_costs_its_sender_its_share_and_nobody_else_theirs() {
 }
 
 #[test]
-fn an_order_of_a_vehicle_and_what_is_said_in_anothers_name_are_refused_and_counted() {
+fn an_order_or_a_task_of_a_vehicle_and_what_is_said_in_anothers_name_are_refused_and_counted() {
     let mut swarm = Swarm::default();
     let (two, three) = (swarm.join(TWO, 1, VENUE), swarm.join(THREE, 2, VENUE));
     swarm.run(seconds(3.0));
-    for message in [order(OrderKind::CutMotors), progress(2, 7)] {
+    let (_, task) = examples::examples().into_iter().find(|(word, _)| *word == "task").unwrap();
+    for message in [order(OrderKind::CutMotors), progress(2, 7), task] {
         swarm.put(three, encode(&message).unwrap());
     }
     swarm.put(three, b"nonsense".to_vec());
     swarm.run(seconds(0.1));
-    assert_eq!(swarm.nodes[two].exchange.counts().refused, 3);
+    assert_eq!(swarm.nodes[two].exchange.counts().refused, 4);
     assert!(swarm.nodes[two].heard.iter().all(|message| matches!(message, Message::Hello(_))));
 }
 

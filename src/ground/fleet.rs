@@ -12,7 +12,8 @@ use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
 use tomoswarm_proto::{
-    Boot, EmergencyStop, Lease, Order, OrderKind, Ordered, Revision, RunId, SeenState, State, VehicleId,
+    Boot, EmergencyStop, Lease, Mission, Order, OrderKind, Ordered, Revision, RunId, SeenState, State,
+    VehicleId,
 };
 
 use crate::geom::Point;
@@ -50,6 +51,8 @@ pub struct Member {
     pub state: Option<(Time, State)>,
     /// Its newest progress.
     pub progress: Option<VehicleProgress>,
+    /// What the newest start of its software has said of its mission last.
+    pub mission: Option<Mission>,
     /// When it last said its state. Progress alone is no sign of life: it comes on when the autopilot is silent.
     pub heard_at: Option<Time>,
     /// What was dealt with it.
@@ -166,6 +169,19 @@ impl Fleet {
         }
         shown.got_on = before < Some(key(&progress));
         shown
+    }
+
+    /// Takes what a vehicle says of its mission, unless an earlier start of its software has said it.
+    pub fn heard_mission(&mut self, mission: &Mission) {
+        let Some(member) = self.members.get_mut(&mission.vehicle) else { return };
+        if member.dealings.boot.is_none_or(|boot| boot <= mission.boot) {
+            member.mission = Some(*mission);
+        }
+    }
+
+    /// Returns what a vehicle has said of its mission last.
+    pub fn mission(&self, vehicle: VehicleId) -> Option<&Mission> {
+        self.members.get(&vehicle)?.mission.as_ref()
     }
 
     /// Tells whether a progress was said by the newest start of a vehicle's software.

@@ -22,7 +22,7 @@
 //! one it is compared, how it is swept, or that no ground station plans it. It may come before the Start or after it.
 //!
 //! Only who holds the lease, or plans under that of an operator, speaks (`leases`): a station that listens or stands by
-//! says its Report, and keeps what it hears. `phases` brings a sweep on, `lost` says what happens when vehicles come and
+//! says its Report, and keeps what it hears. `phases` brings a sweep on, `missions` watches runs that it does not plan, `lost` says what happens when vehicles come and
 //! go, `runs` what became of each run, `memory` how a station is started anew, `report` what it says of itself.
 //!
 //! Deadlines: `repeat` (state is published and repeated, nobody asks and waits), `ask for or send missing tiles`.
@@ -30,6 +30,7 @@
 pub mod leases;
 mod lost;
 mod memory;
+mod missions;
 mod phases;
 mod report;
 mod runs;
@@ -288,6 +289,8 @@ impl Station {
         if !self.knows(mission.vehicle) {
             return;
         }
+        self.fleet.heard_mission(mission);
+        self.look_after_kind(now, mission);
         self.hear_progress(now, mission.into(), out);
         let change = self.leases.heard(now, Lease::lowest(mission.lease_number));
         self.lease_changed(now, change, out);
@@ -432,6 +435,7 @@ impl Station {
         self.turn += 1;
         let change = self.leases.tick(now);
         self.lease_changed(now, change, out);
+        self.look_after_missions(now);
         if self.leases.holds() {
             self.lead(now, out);
         }

@@ -6,6 +6,7 @@ use std::time::Duration;
 use tomoswarm_proto::{Boot, Standing, VehicleId};
 
 use super::memory::Memory;
+use super::mission::begun_at;
 use super::settings::{BodySettings, LookSettings, RadioSettings, Settings, Task};
 use crate::autopilot::{self, Kind};
 use crate::config::{
@@ -19,7 +20,8 @@ const PATH_TIME: Duration = Duration::from_millis(1);
 const LISTENS_FOR: Duration = Duration::from_secs(2);
 
 impl Settings {
-    /// Returns what a vehicle is told by a simulation's file; `boot` counts the starts of its software. It remembers nothing.
+    /// Returns what a vehicle is told by a simulation's file, but for its mission, which the operator gives; `boot`
+    /// counts the starts of its software. It remembers nothing.
     pub fn from_config(sim: &Sim, vehicle: VehicleId, boot: Boot, home: Point) -> Settings {
         Told {
             venue: &sim.venue,
@@ -28,7 +30,8 @@ impl Settings {
             radio: sim.radio.own,
             safety: sim.safety,
             path_time: sim.durations.route(),
-            task: task(&sim.task, vehicle, sim.vehicles.count),
+            // The scenario's operator gives it.
+            task: Task::Plan,
             autopilot: autopilot_settings(&sim.vehicles.flight),
         }
         .settings(vehicle, boot, home)
@@ -44,7 +47,7 @@ impl Settings {
             radio: file.radio,
             safety: file.safety,
             path_time: PATH_TIME,
-            task: task(&file.task, file.id, 1),
+            task: task(&file.task, file.id),
             // Vehicles of their own files drive, until the file says otherwise.
             autopilot: autopilot::Settings::default(),
         };
@@ -94,32 +97,20 @@ impl Told<'_> {
     }
 }
 
-/// Gives what one vehicle of `count` is out for. Legs begin with another place for each, so that they do not all head
-/// for the same one; places to be visited are shared.
-fn task(task: &config::Task, vehicle: VehicleId, count: usize) -> Task {
-    let index = usize::from(vehicle.0.saturating_sub(1));
+/// Returns what a vehicle is out for by its own file. Legs begin with another place for each number, so that vehicles do not
+/// all head for the same one; places to be visited it visits alone.
+fn task(task: &config::Task, vehicle: VehicleId) -> Task {
     match task {
         config::Task::Sweep => Task::Plan,
-        config::Task::Legs { places } => Task::Legs(begun_at(places, index)),
+        config::Task::Legs { places } => {
+            Task::Legs(begun_at(places, usize::from(vehicle.0.saturating_sub(1))))
+        }
         config::Task::Forward { distance_m } => Task::Forward(*distance_m),
         config::Task::Browse => Task::Browse,
         config::Task::Search => Task::Search,
-        config::Task::Pathfind { places } => {
-            Task::Pathfind(places.iter().copied().skip(index).step_by(count.max(1)).collect())
-        }
+        config::Task::Pathfind { places } => Task::Pathfind(places.clone()),
         config::Task::Explore => Task::Explore,
     }
-}
-
-/// Gives places in another order: from one of them to the end, then from the first. A round that ends where it began
-/// does so again.
-fn begun_at(places: &[Point], index: usize) -> Vec<Point> {
-    let is_round = places.len() > 2 && places.first() == places.last();
-    let open = &places[..places.len() - usize::from(is_round)];
-    let start = index % open.len().max(1);
-    let mut turned: Vec<Point> = open[start..].iter().chain(&open[..start]).copied().collect();
-    turned.extend(turned.first().copied().filter(|_| is_round));
-    turned
 }
 
 fn autopilot_settings(flight: &Flight) -> autopilot::Settings {

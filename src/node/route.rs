@@ -8,7 +8,7 @@
 //!  map ──Tiles──► bus                      bus ──peers' Tiles, Digest, Want──► map
 //!  radio driver ─Heard, Unsent─► radio ──Keep──► disk ──Kept──► outbox ──Samples──► bus
 //!                                        disk ◄─Forget, Recall─ outbox      bus ──Have──► outbox
-//!  bus ──Plan, peers' State and Mission──► mission ──Mission──► radio (its progress, in beacons), bus
+//!  bus ──Plan, Task, peers' State and Mission──► mission ──Mission──► radio (its progress, in beacons), bus
 //!  radio ──what peers' beacons tell──► mission, vehicle      bus ──whoever is heard──► mission
 //!  bus ──Order, peers' State──► vehicle ──Order (once it may be obeyed)──► mission
 //!  vehicle, mission ──Remember──► disk ──Remembered──► vehicle, mission
@@ -237,12 +237,9 @@ fn route_message(sender: Sender, message: Message, to: &mut Vec<Destination>) {
             to.push(Destination::Stops(stops::In::Lease(report.lease)));
         }
         Message::Have(have) => to.push(Destination::Outbox(outbox::In::Have(have))),
-        // Samples are the ground's business, images operators'; beacons come by radio. Nothing is done yet about tasks.
-        Message::Samples(_)
-        | Message::Beacon(_)
-        | Message::Health(_)
-        | Message::Task(_)
-        | Message::Image(_) => {}
+        Message::Task(task) => to.push(Destination::Mission(mission::In::Task(task))),
+        // Samples are the ground's business, images operators'; beacons come by radio.
+        Message::Samples(_) | Message::Beacon(_) | Message::Health(_) | Message::Image(_) => {}
     }
 }
 

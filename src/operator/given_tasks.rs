@@ -1,14 +1,19 @@
 //! The tasks that an operator has given, and which of them are still to be said: each at once, and again every 5 s until
-//! a ground station's Report shows the run as the task describes it. It knows no lease; who says a task adds the one in
-//! force.
+//! a ground station's Report shows the run as the task describes it, and, where vehicles have missions of their own, the
+//! Mission of every member does. A mission of its own is told again to a member that was started anew, until the next task
+//! is given. It knows no lease; who says a task adds the one in force.
 
 use std::collections::BTreeMap;
 use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
-use tomoswarm_proto::{Lease, MissionKind, RunId, RunReport, Task, TaskKind, VehicleId};
+use tomoswarm_proto::{
+    Lease, MissionKind, Position, RunId, RunReport, SweepPlanner, Task, TaskKind, VehicleId,
+};
 
 use super::fleet_view::FleetView;
+use crate::config::{self, Planner, Sweep};
+use crate::geom::Point;
 use crate::time::Time;
 
 /// A task that is not shown yet is said again after so long.
@@ -33,69 +38,183 @@ impl TaskWish {
         Task { lease, run, members, compare_with, kind }
     }
 
+    fn is_own(&self) -> bool {
+        MissionKind::from(&self.kind) != MissionKind::Sweep
+    }
+
+    /// Returns whether everyone who is to know of it shows it; without a ground station that is the members.
+    fn is_shown(&self, now: Time, view: &FleetView) -> bool {
+        let report = view.ground(now).map(|report| &report.value.runs);
+        let is_reported = |runs: &Vec<RunReport>| runs.iter().any(|run| self.is_shown_by(run));
+        match self.is_own() {
+            true => {
+                report.is_none_or(is_reported) && self.members.iter().all(|id| self.is_shown_at(view, *id))
+            }
+            false => report.is_some_and(is_reported),
+        }
+    }
+
     fn is_shown_by(&self, report: &RunReport) -> bool {
         let shown = (report.run, report.kind, report.compared_with);
         shown == (self.run, MissionKind::from(&self.kind), self.compare_with)
     }
+
+    fn is_shown_at(&self, view: &FleetView, member: VehicleId) -> bool {
+        let said = view.vehicle(member).and_then(|seen| seen.mission.as_ref()).map(|said| said.value);
+        said.is_some_and(|said| (said.progress.run, said.kind) == (self.run, MissionKind::from(&self.kind)))
+    }
 }
 
-/// The tasks that no ground station shows yet, and when each was said last.
+/// The tasks that were given and stand, and when each was said last.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
-pub(super) struct GivenTasks(BTreeMap<RunId, (TaskWish, Option<Time>)>);
+pub(super) struct GivenTasks(BTreeMap<RunId, Given>);
+
+/// A task that was given.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+struct Given {
+    wish: TaskWish,
+    said: Option<Time>,
+    is_shown: bool,
+}
 
 impl GivenTasks {
-    /// Takes a task up, in place of an earlier one of its run.
+    /// Takes a task up, in place of an earlier one of its run, and of those that are shown.
     pub fn give(&mut self, wish: TaskWish) {
-        self.0.insert(wish.run, (wish, None));
+        self.0.retain(|_, given| !given.is_shown);
+        self.0.insert(wish.run, Given { wish, said: None, is_shown: false });
     }
 
     /// Returns the tasks that are due, by this lease.
     pub fn due(&mut self, now: Time, view: &FleetView, lease: Lease) -> Vec<Task> {
-        let shown = view.ground(now).map(|report| report.value.runs.as_slice()).unwrap_or_default();
-        self.0.retain(|_, (wish, said)| said.is_none() || !shown.iter().any(|run| wish.is_shown_by(run)));
-        let is_due = |said: &Option<Time>| said.is_none_or(|at| now.since(at) >= REPEAT);
-        let due = self.0.values_mut().filter(|(_, said)| is_due(said));
-        due.map(|(wish, said)| {
-            *said = Some(now);
-            wish.under(lease)
+        for given in self.0.values_mut() {
+            given.is_shown = given.said.is_some() && given.wish.is_shown(now, view);
+        }
+        self.0.retain(|_, given| given.wish.is_own() || !given.is_shown);
+        let is_due = |given: &Given| !given.is_shown && given.said.is_none_or(|at| now.since(at) >= REPEAT);
+        let due = self.0.values_mut().filter(|given| is_due(given));
+        due.map(|given| {
+            given.said = Some(now);
+            given.wish.under(lease)
         })
         .collect()
     }
 
     /// Returns when one is to be said again.
     pub fn next(&self) -> Option<Time> {
-        self.0.values().filter_map(|(_, said)| *said).min().map(|at| at + REPEAT)
+        let open = self.0.values().filter(|given| !given.is_shown);
+        open.filter_map(|given| given.said).min().map(|at| at + REPEAT)
+    }
+}
+
+/// Returns a mission as its file says it, for the wire.
+pub fn task_kind(task: &config::Task, sweep: &Sweep) -> TaskKind {
+    let places = |all: &[Point]| all.iter().map(|at| Position::from(*at)).collect();
+    match task {
+        config::Task::Sweep => sweep_kind(sweep),
+        config::Task::Legs { places: all } => TaskKind::Legs { places: places(all) },
+        config::Task::Forward { distance_m } => {
+            TaskKind::Forward { distance_mm: (distance_m * 1000.0).round() as u32 }
+        }
+        config::Task::Browse => TaskKind::Browse,
+        config::Task::Search => TaskKind::Search,
+        config::Task::Pathfind { places: all } => TaskKind::Pathfind { places: places(all) },
+        config::Task::Explore => TaskKind::Explore,
+    }
+}
+
+fn sweep_kind(sweep: &Sweep) -> TaskKind {
+    let milliseconds = |span: Duration| u32::try_from(span.as_millis()).unwrap_or(u32::MAX);
+    let count = |number: usize| u16::try_from(number).unwrap_or(u16::MAX);
+    TaskKind::Sweep {
+        planner: match sweep.planner {
+            Planner::RotatingGap => SweepPlanner::RotatingGap,
+            Planner::Fan => SweepPlanner::Fan,
+            Planner::Calibrate => SweepPlanner::Calibrate,
+            Planner::FanCorners => SweepPlanner::FanCorners,
+            Planner::FanStraight => SweepPlanner::FanStraight,
+        },
+        positions: count(sweep.positions),
+        laps: sweep.laps.map(count),
+        dwell_ms: milliseconds(sweep.dwell()),
+        dwell_limit_ms: milliseconds(sweep.dwell_limit()).max(milliseconds(sweep.dwell())),
     }
 }
 
 #[cfg(test)]
 mod tests {
+    use super::super::Heard;
     use super::super::tests_support::{at, heard, report};
     use super::*;
-    use tomoswarm_proto::{Message, Report};
+    use tomoswarm_proto::{Boot, Message, Mission, Progress, Report};
+
+    fn lease(number: u32) -> Lease {
+        Lease { number, holder: 9 }
+    }
+
+    fn wish(kind: TaskKind) -> TaskWish {
+        TaskWish { run: RunId(2), members: vec![VehicleId(1)], compare_with: Some(RunId(1)), kind }
+    }
+
+    fn reported(kind: MissionKind, compared_with: Option<RunId>) -> Heard {
+        let run = RunReport { run: RunId(2), kind, compared_with, ..RunReport::default() };
+        heard(Message::Report(Report { runs: vec![run], ..report() }))
+    }
+
+    fn mission(boot: u32, run: u32, kind: MissionKind) -> Heard {
+        let progress = Progress { run: RunId(run), ..Progress::default() };
+        let vehicle = VehicleId(1);
+        heard(Message::Mission(Mission { vehicle, boot: Boot(boot), progress, kind, ..Mission::default() }))
+    }
 
     #[test]
-    fn a_task_is_repeated_under_the_lease_in_force_until_a_report_shows_it_as_it_is() {
-        let kind = TaskKind::Explore;
-        let wish =
-            TaskWish { run: RunId(2), members: vec![VehicleId(1)], compare_with: Some(RunId(1)), kind };
+    fn a_sweep_is_repeated_under_the_lease_in_force_until_a_report_shows_it_as_it_is() {
+        let sweep = sweep_kind(&Sweep { positions: 76, ..Sweep::default() });
         let (mut tasks, mut view) = (GivenTasks::default(), FleetView::default());
-        let lease = |number| Lease { number, holder: 9 };
-        tasks.give(wish);
+        tasks.give(wish(sweep));
         assert_eq!(tasks.due(at(0.0), &view, lease(1)).len(), 1);
         assert_eq!((tasks.due(at(4.9), &view, lease(1)).len(), tasks.next()), (0, Some(at(5.0))));
         let mut show = |at_s: f64, compared_with| {
-            let runs = vec![RunReport {
-                run: RunId(2),
-                kind: MissionKind::Explore,
-                compared_with,
-                ..RunReport::default()
-            }];
-            view.hear(at(at_s), &heard(Message::Report(Report { runs, ..report() })));
+            view.hear(at(at_s), &reported(MissionKind::Sweep, compared_with));
             tasks.due(at(at_s), &view, lease(2))
         };
         assert_eq!(show(5.0, None)[0].lease, lease(2), "it is shown as another one");
         assert!(show(10.0, Some(RunId(1))).is_empty());
+        assert!(show(20.0, None).is_empty(), "what was shown is the ground's to remember");
         assert_eq!(tasks.next(), None);
+    }
+
+    #[test]
+    fn a_mission_of_their_own_is_repeated_until_its_members_show_it_and_to_whoever_is_started_anew() {
+        let (mut tasks, mut view) = (GivenTasks::default(), FleetView::default());
+        tasks.give(wish(TaskKind::Explore));
+        let mut count = |at_s: f64, news: Option<Heard>| {
+            news.into_iter().for_each(|news| view.hear(at(at_s), &news));
+            (tasks.due(at(at_s), &view, lease(1)).len(), tasks.next())
+        };
+        assert_eq!(count(0.0, None), (1, Some(at(5.0))));
+        assert_eq!(count(5.0, Some(reported(MissionKind::Explore, Some(RunId(1))))).0, 1);
+        assert_eq!(count(10.0, Some(mission(1, 1, MissionKind::Explore))).0, 1, "in another run");
+        assert_eq!(count(11.0, Some(mission(1, 2, MissionKind::Explore))), (0, None));
+        assert_eq!(count(30.0, None).0, 0);
+        assert_eq!(count(31.0, Some(mission(2, 0, MissionKind::Sweep))).0, 1);
+        assert_eq!(count(32.0, Some(mission(2, 2, MissionKind::Explore))), (0, None));
+        tasks.give(TaskWish { run: RunId(3), ..wish(TaskKind::Browse) });
+        assert_eq!(tasks.0.len(), 1, "the next one takes its place");
+    }
+
+    #[test]
+    fn every_mission_of_a_file_travels_as_it_is() {
+        let places = vec![Point::new(1.0, -2.5)];
+        let on_wire = vec![Position::from_metres(1.0, -2.5, 0.0)];
+        for (task, kind) in [
+            (config::Task::Legs { places: places.clone() }, TaskKind::Legs { places: on_wire.clone() }),
+            (config::Task::Pathfind { places }, TaskKind::Pathfind { places: on_wire }),
+            (config::Task::Forward { distance_m: 2.5 }, TaskKind::Forward { distance_mm: 2500 }),
+            (config::Task::Browse, TaskKind::Browse),
+            (config::Task::Search, TaskKind::Search),
+            (config::Task::Explore, TaskKind::Explore),
+        ] {
+            assert_eq!(task_kind(&task, &Sweep::default()), kind);
+        }
     }
 }

@@ -1,6 +1,6 @@
-//! Orders, modes, phases and who steers in words, as they are typed and shown.
+//! Orders, modes, phases, who steers, missions and ends of runs in words, as they are typed and shown.
 
-use tomoswarm_proto::{Control, Mode, OrderKind, Ordered, StationPhase};
+use tomoswarm_proto::{Control, MissionKind, MissionPhase, Mode, OrderKind, Ordered, RunEnd, StationPhase};
 
 /// Returns what a vehicle was ordered last, and by whose right.
 pub fn ordered(ordered: Ordered) -> String {
@@ -54,6 +54,44 @@ pub fn phase(phase: StationPhase) -> &'static str {
         StationPhase::Planning => "planning",
         StationPhase::Running => "running",
         StationPhase::Closing => "closing",
+    }
+}
+
+/// Returns what a vehicle is out for in a word.
+pub fn mission(kind: MissionKind) -> &'static str {
+    match kind {
+        MissionKind::Sweep => "sweep",
+        MissionKind::Legs => "legs",
+        MissionKind::Forward => "forward",
+        MissionKind::Browse => "browse",
+        MissionKind::Search => "search",
+        MissionKind::Pathfind => "pathfind",
+        MissionKind::Explore => "explore",
+    }
+}
+
+/// Returns what a vehicle does for its mission in a word.
+pub fn mission_phase(phase: MissionPhase) -> &'static str {
+    match phase {
+        MissionPhase::Waiting => "waiting",
+        MissionPhase::Choosing => "choosing",
+        MissionPhase::Going => "going",
+        MissionPhase::Dwelling => "dwelling",
+        MissionPhase::Looking => "looking",
+        MissionPhase::Yielding => "yielding",
+        MissionPhase::Held => "held",
+        MissionPhase::Returning => "returning",
+        MissionPhase::Over => "over",
+    }
+}
+
+/// Returns how a run ended in a word; `None` = it has not.
+pub fn run_end(end: Option<RunEnd>) -> &'static str {
+    match end {
+        None => "open",
+        Some(RunEnd::Done) => "done",
+        Some(RunEnd::Stopped) => "stopped",
+        Some(RunEnd::Failed) => "failed",
     }
 }
 

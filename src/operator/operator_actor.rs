@@ -1,7 +1,7 @@
 //! The operator actor: it hears the bus, keeps its view of the fleet, and brings about what is wanted.
 //!
 //! It is told what came over the bus, whether anyone can be reached, what is wanted by hand, a script to follow, and that a
-//! cue was done. It says orders, every 100 ms until State shows them, tasks, every 5 s until a Report shows them, and its
+//! cue was done. It says orders, every 100 ms until State shows them, tasks, every 5 s until Report and Mission show them, and its
 //! greeting, every 2 s, or every second while it holds a lease; and how wants and the script ended.
 //! It draws nothing (its holder id is given), decides nothing for a vehicle, and hears no answers: what it waits for is
 //! State. An emergency stop that is wanted it names and hands to the keeper of the stops ([`super::stopping`]).
@@ -224,13 +224,14 @@ impl Operator {
     }
 
     fn instruction(&self, want: &Want) -> Instruction {
-        let Want { kind, vehicles, run, begins, take_over, although_unheard, lifts_many, within } =
+        let Want { kind, vehicles, run, begins, mission, take_over, although_unheard, lifts_many, within } =
             want.clone();
         let OperatorSettings { hello, greets: _, holder, expected } = self.settings.clone();
         let (venue_hash, timeout) = (hello.venue_hash, within);
         Instruction {
             kind,
             begins,
+            mission,
             vehicles,
             expected,
             run,
@@ -350,9 +351,16 @@ impl Operator {
         }
     }
 
-    /// Says the tasks that are due, by the right that is in force.
+    /// Says the tasks that are due, by the right that is in force, or that this operator is taking.
     fn give_tasks(&mut self, now: Time, out: &mut Vec<Out>) {
-        let in_force = self.view.lease(now);
+        let is_linked = self.linked.is_some();
+        for pursuit in self.wants.values_mut() {
+            if let Some(wish) = pursuit.ordering.task(now, is_linked) {
+                self.tasks.give(wish);
+            }
+        }
+        let taken = self.wants.values().filter_map(|pursuit| pursuit.ordering.lease()).max();
+        let in_force = self.view.lease(now).max(taken.unwrap_or_default());
         let lease = match in_force.number {
             0 => Lease { number: 1, holder: self.settings.holder },
             _ => in_force,

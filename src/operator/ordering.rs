@@ -29,6 +29,9 @@
 //! **Refused.** A start of a run while the ground station drives another one would be obeyed by every vehicle, and nothing
 //! would come of it: it is not sent. By hand it is over at once and names the run; an order that stands waits.
 //!
+//! **Missions.** A start may begin a mission: then its run is one above all that are known, a [task](Ordering::task) says what
+//! that run is, for whom it is, and each vehicle has obeyed only when its Mission shows that it is out for it.
+//!
 //! **Standing.** An order by hand is over when it is obeyed. One that [stands](Ordering::standing) is told again to whoever
 //! was started anew since, until somebody has ordered something else, or a greater lease is in force than its own.
 //!
@@ -39,6 +42,7 @@
 //! sent anything.
 
 mod delivery;
+mod run;
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::time::Duration;
@@ -53,6 +57,7 @@ use self::delivery::{CONTEST, Delivery, Issued, take_over_of};
 use super::Heard;
 use super::fleet_view::{FleetView, Fresh, Misfit};
 use super::outcome::{Outcome, Refusal, VehicleOutcome};
+use super::want::MissionWish;
 use crate::time::Time;
 
 /// An order is repeated this often.
@@ -75,6 +80,8 @@ pub struct Instruction {
     pub kind: OrderKind,
     /// Whether a start begins a new run when the ground station is idle (otherwise it goes on with the present one).
     pub begins: bool,
+    /// The mission that a start begins, as a run of its own; `None` = what the run is already.
+    pub mission: Option<MissionWish>,
     /// Whom it is for; empty = all.
     pub vehicles: BTreeSet<VehicleId>,
     /// When it is for all: who is known to be there without being heard.
@@ -107,6 +114,8 @@ pub struct Ordering {
     view: FleetView,
     deliveries: BTreeMap<VehicleId, Delivery>,
     run: Option<RunId>,
+    /// Its mission was given as a task.
+    is_task_given: bool,
     /// The emergency stops that it lifts, known when it was first sent.
     ends: Option<Vec<EmergencyName>>,
     refused: Option<Refusal>,
@@ -125,6 +134,7 @@ impl Ordering {
             view: FleetView::default(),
             deliveries: BTreeMap::new(),
             run: None,
+            is_task_given: false,
             ends: None,
             refused: None,
             stands: false,
@@ -201,7 +211,7 @@ impl Ordering {
         if self.refused.is_some() {
             return Vec::new();
         }
-        if !self.knows_stops(now) {
+        if !self.knows_stops(now) || self.waits_for_task() {
             return Vec::new();
         }
         let mut due = Vec::new();
@@ -229,8 +239,9 @@ impl Ordering {
     pub fn outcome(&self, now: Time) -> Option<Outcome> {
         let outcomes = self.outcomes(now);
         let is_open = |outcome: &VehicleOutcome| match outcome {
-            VehicleOutcome::Ignored | VehicleOutcome::Unheard => true,
+            VehicleOutcome::Ignored | VehicleOutcome::Unheard | VehicleOutcome::NotOut => true,
             VehicleOutcome::Foreign(_)
+            | VehicleOutcome::Refused(_)
             | VehicleOutcome::UnderStop(_)
             | VehicleOutcome::Stopped { .. }
             | VehicleOutcome::Obeyed { .. }
@@ -270,7 +281,8 @@ impl Ordering {
     }
 
     fn run_under_way(&self, now: Time) -> Option<Refusal> {
-        let asked = self.instruction.run?;
+        let is_own = self.instruction.mission.is_some();
+        let asked = self.instruction.run.or_else(|| is_own.then(|| self.next_run(now)))?;
         let Report { phase, run: under_way, .. } = &self.view.ground(now)?.value;
         let under_way = *under_way;
         let is_driven = match phase {
@@ -334,6 +346,9 @@ impl Ordering {
         let of = |id| {
             let delivery = self.deliveries.get(&id).unwrap_or(&nothing);
             let outcome = delivery.outcome(self.view.state(id).is_some());
+            if let Some(outcome) = self.mission_outcome(id, outcome) {
+                return (id, outcome);
+            }
             if let (VehicleOutcome::Ignored, Some(name)) = (outcome, self.other_stop(id)) {
                 return (id, VehicleOutcome::UnderStop(name));
             }
@@ -501,23 +516,6 @@ impl Ordering {
                 Issued { lease, revision: Revision(1) }
             }
         }
-    }
-
-    /// Returns the run of the orders, chosen once: what was started must not count as a run before.
-    fn run_of(&mut self, now: Time) -> RunId {
-        if let Some(run) = self.run {
-            return run;
-        }
-        let states = self.view.vehicles().filter_map(|(_, seen)| seen.state.as_ref());
-        let driven = states.map(|state| state.value.accepted.0.max(state.value.ordered.run));
-        let report = self.view.ground(now).map(|report| &report.value);
-        let newest = driven.chain(report.map(|report| report.run)).max().unwrap_or_default();
-        let is_idle = report.is_some_and(|report| report.phase == StationPhase::Idle);
-        let is_new = self.instruction.begins && is_idle;
-        let next = RunId(newest.0.saturating_add(1).min(LAST_REVISION));
-        let run = self.instruction.run.unwrap_or(if is_new { next } else { newest });
-        self.run = Some(run);
-        run
     }
 }
 

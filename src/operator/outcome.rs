@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
-use tomoswarm_proto::{EmergencyName, Lease, Ordered, RunId, VehicleId};
+use tomoswarm_proto::{EmergencyName, Lease, MissionRefusal, Ordered, RunId, VehicleId};
 
 use super::fleet_view::Misfit;
 
@@ -29,6 +29,10 @@ pub enum VehicleOutcome {
     UnderStop(EmergencyName),
     /// A higher order of somebody else came in between.
     Overruled(Ordered),
+    /// It has obeyed the start of a mission, and does not show that it is out for it.
+    NotOut,
+    /// It has obeyed the start of a mission, and does not begin it.
+    Refused(MissionRefusal),
     /// It is heard, and has not obeyed in time.
     Ignored,
     /// Nothing was heard of it.
@@ -97,6 +101,8 @@ impl Outcome {
                 Some(format!("vehicle {id} stands under emergency stop {name}"))
             }
             VehicleOutcome::Overruled(_) => Some(format!("vehicle {id} was ordered something else")),
+            VehicleOutcome::NotOut => Some(format!("vehicle {id} does not show the mission")),
+            VehicleOutcome::Refused(why) => Some(format!("vehicle {id} refuses the mission: {why}")),
             VehicleOutcome::Ignored => Some(format!("vehicle {id} does not obey")),
             VehicleOutcome::Unheard => Some(format!("vehicle {id} is not heard")),
             VehicleOutcome::Foreign(_) => Some(format!("vehicle {id} is of another venue or version")),

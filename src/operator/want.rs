@@ -5,7 +5,7 @@ use std::fmt;
 use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
-use tomoswarm_proto::{OrderKind, RunId, VehicleId};
+use tomoswarm_proto::{OrderKind, RunId, TaskKind, VehicleId};
 
 /// Names a want.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Debug, Serialize, Deserialize)]
@@ -36,6 +36,8 @@ pub struct Want {
     pub run: Option<RunId>,
     /// Whether a start begins a new run when the ground station is idle; otherwise it goes on with the present one.
     pub begins: bool,
+    /// The mission that a start begins, as the task of a new run; `None` = what the run is already.
+    pub mission: Option<MissionWish>,
     /// Whether the lease is taken from whoever holds it; otherwise the one in force is joined.
     pub take_over: bool,
     /// These may be unheard when a start lifts emergency stops.
@@ -54,12 +56,22 @@ impl Want {
             vehicles,
             run: None,
             begins: false,
+            mission: None,
             take_over: false,
             although_unheard: BTreeSet::new(),
             lifts_many: false,
             within,
         }
     }
+}
+
+/// A mission that is wanted of whoever is started.
+#[derive(Clone, PartialEq, Eq, Debug, Serialize, Deserialize)]
+pub struct MissionWish {
+    /// What is to be done.
+    pub kind: TaskKind,
+    /// The run that it is compared with; `None` = with none.
+    pub compare_with: Option<RunId>,
 }
 
 /// An emergency stop that is wanted.

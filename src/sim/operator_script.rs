@@ -4,18 +4,16 @@
 //! ```text
 //!   2 s ─► task 1, start 1 ─► driven ─2 s─► persons enter ─2 s─► task 2, start 2 ─► done ─┐
 //!     ├──► (no empty sweep) ──────────────────────────────────► task 2, start 2 ─► done ─┼─► stay, or return ─► home
-//!     └──► (own missions) ────────────────────────────────────► start ─► all have ended ─┘
+//!     └──► (own missions) ─────────────────────────────► task 1, start 1 ─► all have ended ─┘
 //! ```
 
 use std::collections::BTreeSet;
 use std::time::Duration;
 
-use tomoswarm_proto::{
-    Boot, Hello, Interest, OperatorId, OrderKind, RunId, Sender, SweepPlanner, TaskKind, VehicleId,
-};
+use tomoswarm_proto::{Boot, Hello, Interest, OperatorId, OrderKind, RunId, Sender, VehicleId};
 
-use crate::config::{End, Expect, Planner, Sim, Sweep};
-use crate::operator::given_tasks::TaskWish;
+use crate::config::{End, Expect, Sim};
+use crate::operator::given_tasks::{TaskWish, task_kind};
 use crate::operator::operator_actor::OperatorSettings;
 use crate::operator::script::{Condition, Present, Step};
 use crate::operator::want::Want;
@@ -24,6 +22,8 @@ use crate::operator::want::Want;
 pub const EMPTY_RUN: RunId = RunId(1);
 /// The sweep whose image is wanted.
 pub const RUN: RunId = RunId(2);
+/// The run of a scenario whose vehicles have missions of their own.
+pub const MISSION_RUN: RunId = RunId(1);
 /// What the environment is asked for when the persons shall walk in.
 pub const PERSONS_ENTER: &str = "persons enter";
 /// The operator of a scenario.
@@ -64,7 +64,11 @@ pub(super) fn steps(sim: &Sim) -> Vec<Step> {
     let mut steps = vec![Step::Delay(BEGIN_AT)];
     match sim.task.is_planned_by_ground() {
         true => scenario.sweeps(&mut steps),
-        false => steps.extend([scenario.want(OrderKind::Start, None), scenario.wait_for_missions()]),
+        false => steps.extend([
+            scenario.task(MISSION_RUN, None),
+            scenario.want(OrderKind::Start, Some(MISSION_RUN)),
+            scenario.wait_for_missions(),
+        ]),
     }
     if sim.expect == Expect::Home {
         steps.push(Step::EndIf(scenario.home()));
@@ -128,31 +132,12 @@ impl ScenarioScript<'_> {
 
     fn task(&self, run: RunId, compare_with: Option<RunId>) -> Step {
         let members: Vec<VehicleId> = self.sim.vehicle_ids().collect();
-        Step::Task(TaskWish { run, members, compare_with, kind: sweep_task(&self.sim.sweep) })
+        Step::Task(TaskWish { run, members, compare_with, kind: task_kind(&self.sim.task, &self.sim.sweep) })
     }
 
     fn want(&self, kind: OrderKind, run: Option<RunId>) -> Step {
         let within = self.sim.until();
         let vehicles = BTreeSet::new();
         Step::Want(Want { run, ..Want::new(kind, vehicles, within) })
-    }
-}
-
-/// Returns the task of a sweep as its file says it.
-fn sweep_task(sweep: &Sweep) -> TaskKind {
-    let milliseconds = |span: Duration| u32::try_from(span.as_millis()).unwrap_or(u32::MAX);
-    let count = |number: usize| u16::try_from(number).unwrap_or(u16::MAX);
-    TaskKind::Sweep {
-        planner: match sweep.planner {
-            Planner::RotatingGap => SweepPlanner::RotatingGap,
-            Planner::Fan => SweepPlanner::Fan,
-            Planner::Calibrate => SweepPlanner::Calibrate,
-            Planner::FanCorners => SweepPlanner::FanCorners,
-            Planner::FanStraight => SweepPlanner::FanStraight,
-        },
-        positions: count(sweep.positions),
-        laps: sweep.laps.map(count),
-        dwell_ms: milliseconds(sweep.dwell()),
-        dwell_limit_ms: milliseconds(sweep.dwell_limit()).max(milliseconds(sweep.dwell())),
     }
 }

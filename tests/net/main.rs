@@ -11,6 +11,7 @@ mod deaths;
 mod drivers;
 mod grounds;
 mod member;
+mod missions;
 mod operator;
 mod partitions;
 mod raw;

@@ -478,6 +478,15 @@ impl Swarm {
         assert!(run.status.success(), "order {words:?}: {}", String::from_utf8_lossy(&run.stderr));
     }
 
+    /// Gives an order that is refused as bad usage; gives what is said of it.
+    pub fn refused(&self, words: &[&str]) -> String {
+        let mut program = Command::new(PROGRAM);
+        let run = program.args(["order", "operator.toml"]).args(words).current_dir(self.folder.path());
+        let run = run.output().unwrap();
+        assert_eq!(run.status.code(), Some(2), "order {words:?}");
+        String::from_utf8_lossy(&run.stderr).into_owned()
+    }
+
     /// Runs an operator's tool to its end, however it ends; gives what it prints.
     pub fn tool(&self, words: &[&str]) -> String {
         let run = Command::new(PROGRAM).args(words).current_dir(self.folder.path()).output().unwrap();

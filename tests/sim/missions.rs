@@ -168,3 +168,25 @@ fn a_mission_is_the_same_again_with_the_same_seed() {
     assert_eq!(place.run().log, place.run().log);
     assert_ne!(place.run().log, place.seed(2).run().log);
 }
+
+#[test]
+fn who_is_started_anew_under_way_is_told_its_mission_again_and_ends_it() {
+    let fault = "[[fault]]\nkind = \"restart\"\nat_s = 12.0\nuntil_s = 15.0\nvehicles = [2]";
+    let mission = "kind = \"pathfind\"\nwaypoints_m = [[2, 2], [6, 6], [2, 6], [6, 2]]";
+    let outcome = yard(mission).vehicles(2).with(fault).run_to_the_end();
+    for (vehicle, places) in [(1, [(2.0, 2.0), (2.0, 6.0)]), (2, [(6.0, 6.0), (6.0, 2.0)])] {
+        assert_eq!(end_of(&outcome, vehicle), &End::Done);
+        assert!(places.iter().all(|place| nearest_m(&outcome, vehicle, *place) < 0.5), "vehicle {vehicle}");
+    }
+    assert!(outcome.log.contains("vehicle 2 its software starts, boot 2"), "{}", outcome.log);
+    assert_eq!(outcome.home, 2);
+}
+
+#[test]
+fn a_mission_reaches_its_vehicles_over_a_bus_that_loses_a_third() {
+    for seed in 1..=8 {
+        let mission = "kind = \"pathfind\"\nwaypoints_m = [[2, 2], [6, 6]]";
+        let outcome = yard(mission).vehicles(2).seed(seed).with("[bus]\ndrop_share = 0.33").run_to_the_end();
+        assert!(nearest_m(&outcome, 1, (2.0, 2.0)) < 0.5 && nearest_m(&outcome, 2, (6.0, 6.0)) < 0.5);
+    }
+}

@@ -1,5 +1,7 @@
 //! Plans, and how far a vehicle is with its plan or its mission.
 
+use std::fmt;
+
 use serde::{Deserialize, Serialize};
 
 use crate::{Boot, Lease, Permille, Position, Revision, RunId, StopId, VehicleId};
@@ -142,6 +144,31 @@ pub enum MissionRefusal {
     Autopilot,
 }
 
+impl fmt::Display for MissionRefusal {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            MissionRefusal::NotCapable => "it lacks what the mission needs",
+            MissionRefusal::Busy => "it has a run under way",
+            MissionRefusal::OutsideFence => "a place lies outside the fence",
+            MissionRefusal::NoPlace => "the task names no place for it",
+            MissionRefusal::BadPlans => "its plans are not valid",
+            MissionRefusal::Autopilot => "its autopilot does not take it",
+        })
+    }
+}
+
+impl fmt::Display for MissionEnd {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            MissionEnd::Done => f.write_str("done"),
+            MissionEnd::Stopped => f.write_str("stopped"),
+            MissionEnd::NoWay(places) => write!(f, "no way to {places}"),
+            MissionEnd::GaveUp(places) => write!(f, "gave up {places}"),
+            MissionEnd::Refused(why) => write!(f, "refused: {why}"),
+        }
+    }
+}
+
 /// How far a vehicle is with its mission.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default, Serialize, Deserialize)]
 pub struct Mission {
@@ -149,7 +176,7 @@ pub struct Mission {
     pub vehicle: VehicleId,
     /// Start of its software.
     pub boot: Boot,
-    /// How far it is with its plan.
+    /// How far it is with its plan; of a mission of its own only the run is said.
     pub progress: Progress,
     /// What it is out for.
     pub kind: MissionKind,

@@ -183,7 +183,7 @@ const FIELDS: [&str; 17] = [
 ];
 
 /// How missions end, best first.
-pub(super) const ENDS: [&str; 5] = ["done", "stopped", "no way", "gave up", "under way"];
+pub(super) const ENDS: [&str; 6] = ["done", "stopped", "no way", "gave up", "refused", "under way"];
 
 /// Gives the word for the worst end of all vehicles' missions; nothing when none has ended.
 fn worst_of(missions: &[Mission]) -> String {
@@ -192,7 +192,8 @@ fn worst_of(missions: &[Mission]) -> String {
         Some(mission::End::Stopped(_)) => 1,
         Some(mission::End::NoWay(_)) => 2,
         Some(mission::End::GaveUp(_) | mission::End::NoRoom | mission::End::TooLarge) => 3,
-        None => 4,
+        Some(mission::End::Refused(_)) => 4,
+        None => 5,
     };
     if missions.iter().all(|(_, end)| end.is_none()) {
         return String::new();

@@ -11,7 +11,10 @@ const NAMED: usize = 12;
 impl Station {
     pub(super) fn report(&self) -> Out {
         let sweep = self.phase.sweep().copied().or(self.last);
-        let run = sweep.map(|sweep| sweep.run).unwrap_or_default();
+        let mission = self.newest_mission(sweep.map(|sweep| sweep.run));
+        let sweep = sweep.filter(|_| mission.is_none() || self.phase != Phase::Idle);
+        let mission = mission.filter(|_| sweep.is_none());
+        let run = sweep.map(|sweep| sweep.run).or(mission).unwrap_or_default();
         let laps_done = sweep.map_or(0, |sweep| sweep.laps_done);
         let laps = match &self.phase {
             Phase::Running(sweep, laps) => sweep.laps_before + laps.len(),

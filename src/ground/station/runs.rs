@@ -3,14 +3,14 @@
 //! and not before. This counts and remembers; it begins and ends nothing.
 //!
 //! ```text
-//!   task, or begun ─► open ─every last image is made─► Done
+//!   task, or begun ─► open ─every last image is made, or every vehicle has ended its own mission─► Done
 //!                      └──no plans, nobody gets on─► Failed      └─another run begins, or is followed─► Stopped
 //! ```
 
 use std::collections::BTreeMap;
 
 use serde::{Deserialize, Serialize};
-use tomoswarm_proto::{MissionKind, RunEnd, RunId, RunReport, Task};
+use tomoswarm_proto::{MissionKind, RunEnd, RunId, RunReport, Task, VehicleId};
 
 use super::super::planner::SweepTask;
 
@@ -32,10 +32,26 @@ struct Run {
     sweep: Option<SweepTask>,
     /// Whether an operator has given it as a task; then that says which run it is compared with.
     is_task: bool,
+    /// Who takes part in a run that is left to the vehicles, as far as that is known.
+    members: Vec<VehicleId>,
+    /// Whether it was started.
+    is_begun: bool,
     end: Option<RunEnd>,
     /// Why it ended so, in words.
     why: String,
     images: u32,
+}
+
+impl Run {
+    fn is_of_vehicles(&self) -> bool {
+        self.is_begun && self.kind != MissionKind::Sweep
+    }
+
+    /// Returns whether it goes on beside one that is begun: other vehicles have other missions of their own.
+    fn is_beside(&self, opened: &Run) -> bool {
+        let is_apart = !self.members.iter().any(|member| opened.members.contains(member));
+        self.is_of_vehicles() && opened.kind != MissionKind::Sweep && opened.is_task && is_apart
+    }
 }
 
 impl Runs {
@@ -45,18 +61,22 @@ impl Runs {
         if run.end.is_none() {
             (run.kind, run.compared_with) = (MissionKind::from(&task.kind), task.compare_with);
             (run.sweep, run.is_task) = (SweepTask::of(&task.kind), true);
+            run.members.clone_from(&task.members);
         }
         self.forget();
     }
 
-    /// Opens a run that is begun, once more if it has ended before. What was open before it is stopped, unless `goes_on`.
+    /// Opens a run that is begun, once more if it has ended before. What was open before it is stopped, unless `goes_on`, or
+    /// both are left to other vehicles.
     pub fn open(&mut self, run: RunId, compared_with: Option<RunId>, goes_on: impl Fn(RunId) -> bool) {
+        let opened = self.0.get(&run).cloned().unwrap_or_default();
+        let goes_on = |earlier: RunId, known: &Run| goes_on(earlier) || known.is_beside(&opened);
         let earlier = self.0.range_mut(..run).filter(|(_, known)| known.end.is_none());
-        for (_, known) in earlier.filter(|(earlier, _)| !goes_on(**earlier)) {
+        for (_, known) in earlier.filter(|(earlier, known)| !goes_on(**earlier, known)) {
             known.end = Some(RunEnd::Stopped);
         }
         let known = self.0.entry(run).or_default();
-        known.compared_with = compared_with;
+        (known.compared_with, known.is_begun) = (compared_with, true);
         (known.end, known.why) = (None, String::new());
         self.forget();
     }
@@ -84,6 +104,30 @@ impl Runs {
     /// Returns whether the ground station plans a run; of one that nobody has given as a task it does.
     pub fn is_swept(&self, run: RunId) -> bool {
         self.0.get(&run).is_none_or(|known| known.kind == MissionKind::Sweep)
+    }
+
+    /// Takes that vehicles are out for missions of their own in a run that has no task.
+    pub fn leave_to(&mut self, run: RunId, kind: MissionKind, members: Vec<VehicleId>) {
+        if let Some(known) = self.0.get_mut(&run) {
+            (known.kind, known.members) = (kind, members);
+        }
+    }
+
+    /// Returns whether a run was begun, nobody has given it as a task, and it counts as a sweep.
+    pub fn is_untold(&self, run: RunId) -> bool {
+        let known = self.0.get(&run).filter(|known| known.is_begun && known.end.is_none());
+        known.is_some_and(|known| !known.is_task && known.kind == MissionKind::Sweep)
+    }
+
+    /// Returns the runs that are left to the vehicles, were begun and have not ended, with their members.
+    pub fn of_vehicles(&self) -> Vec<(RunId, Vec<VehicleId>)> {
+        let is_open = |(_, known): &(&RunId, &Run)| known.is_of_vehicles() && known.end.is_none();
+        self.0.iter().filter(is_open).map(|(run, known)| (*run, known.members.clone())).collect()
+    }
+
+    /// Returns the newest run that is left to the vehicles and was begun.
+    pub fn newest_of_vehicles(&self) -> Option<RunId> {
+        self.0.iter().rev().find(|(_, known)| known.is_of_vehicles()).map(|(run, _)| *run)
     }
 
     /// Returns the run that the task of a run compares it with; `None` = it has no task.
@@ -176,6 +220,24 @@ mod tests {
         let report = runs.reports(|run| u64::from(run.0))[0];
         assert_eq!((report.kind, report.compared_with), (MissionKind::Explore, Some(RunId(1))));
         assert_eq!((report.samples, report.end), (2, Some(RunEnd::Done)));
+    }
+
+    #[test]
+    fn runs_of_other_vehicles_go_on_beside_each_other_and_those_of_the_same_do_not() {
+        let explore = |run: u32, vehicle: u8| Task {
+            members: vec![VehicleId(vehicle)],
+            compare_with: None,
+            ..task(run, TaskKind::Explore)
+        };
+        let mut runs = Runs::default();
+        for (run, vehicle) in [(1, 1), (2, 2), (3, 1)] {
+            runs.take(&explore(run, vehicle));
+            runs.open(RunId(run), None, |_| false);
+        }
+        assert_eq!(ends(&runs), [(1, Some(RunEnd::Stopped)), (2, None), (3, None)]);
+        assert_eq!(runs.newest_of_vehicles(), Some(RunId(3)));
+        runs.open(RunId(4), None, |_| false);
+        assert_eq!(runs.of_vehicles(), [], "a sweep is for all");
     }
 
     #[test]

@@ -5,8 +5,8 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::time::Duration;
 
 use tomoswarm_proto::{
-    Boot, Have, Mission, Mode, Order, OrderKind, Ordered, Permille, Plan, PoseReport, Position, Report,
-    Revision, RunId, Sample, Samples, State, StationPhase, VehicleId,
+    Boot, Have, Mission, MissionEnd, MissionKind, Mode, Order, OrderKind, Ordered, Permille, Plan,
+    PoseReport, Position, Progress, Report, Revision, RunId, Sample, Samples, State, StationPhase, VehicleId,
 };
 
 use super::super::imager::Job;
@@ -31,6 +31,8 @@ struct Rover {
     kept: Vec<(Boot, RunId, Sample)>,
     /// What the ground has: everything below.
     marks: BTreeMap<(Boot, RunId), u64>,
+    /// A mission of its own that it is out for, and how it ended.
+    own: Option<(MissionKind, Option<MissionEnd>)>,
     /// Whether it is switched off.
     is_dead: bool,
     /// Whether it neither hears nor is heard on the bus.
@@ -49,6 +51,7 @@ impl Rover {
             follower: Follower::new(id, at, 0.5),
             kept: Vec::new(),
             marks: BTreeMap::new(),
+            own: None,
             is_dead: false,
             is_cut: false,
         }
@@ -127,6 +130,13 @@ impl Rover {
         let batches = open.take(20).map(batch);
         let (vehicle, boot) = (self.id, self.boot);
         let mission = Mission { vehicle, boot, progress: progress.into(), ..Mission::default() };
+        let mission = match self.own {
+            Some((kind, end)) => {
+                let progress = Progress { run: self.ordered.run, ..Progress::default() };
+                Mission { progress, kind, end, ..mission }
+            }
+            None => mission,
+        };
         batches.chain([Message::State(state), Message::Mission(mission)]).collect()
     }
 

@@ -2,8 +2,8 @@
 
 use serde::{Deserialize, Serialize};
 use tomoswarm_proto::{
-    EmergencyStop, LayerId, Mission, Order, Plan, Revision, RunId, Sender, StandReason, State, StopId,
-    TileAddress, TileReport, VehicleId,
+    EmergencyStop, LayerId, Mission, MissionRefusal, Order, Plan, Revision, RunId, Sender, StandReason,
+    State, StopId, Task, TileAddress, TileReport, VehicleId,
 };
 
 use super::autonomy::Cause;
@@ -28,6 +28,8 @@ pub enum In {
     Tile(TileReport),
     /// A plan, own or a peer's.
     Plan(Plan),
+    /// What an operator wants a run to be.
+    Task(Task),
     /// How far a peer is.
     Progress(VehicleProgress),
     /// What a peer's beacon tells.
@@ -129,6 +131,8 @@ pub enum End {
     NoRoom,
     /// It had no places, and its ground is too large to be searched.
     TooLarge,
+    /// It was never begun.
+    Refused(MissionRefusal),
 }
 
 /// What a vehicle does, as a whole.
@@ -157,6 +161,8 @@ pub enum Key {
     Tile(LayerId, TileAddress),
     /// The plan of one vehicle.
     Plan(VehicleId),
+    /// The task of one run.
+    Task(RunId),
     /// The progress of one vehicle.
     Progress(VehicleId),
     /// The beacon of one peer.
@@ -177,6 +183,7 @@ impl Input for In {
             In::State(_) => Class::Latest(Key::State),
             In::Peer(state) => Class::Latest(Key::Peer(state.vehicle)),
             In::Plan(plan) => Class::Latest(Key::Plan(plan.vehicle)),
+            In::Task(task) => Class::Latest(Key::Task(task.run)),
             In::Tile(tile) => Class::Latest(Key::Tile(tile.layer, tile.address)),
             In::Progress(progress) => Class::Latest(Key::Progress(progress.vehicle)),
             In::Sighted(sighting) => Class::Latest(Key::Sighted(sighting.progress.vehicle)),
@@ -194,6 +201,7 @@ impl Input for In {
         };
         match (unread, newer) {
             (In::Plan(unread), In::Plan(newer)) if edition(&unread) > edition(&newer) => In::Plan(unread),
+            (In::Task(unread), In::Task(newer)) if unread.lease > newer.lease => In::Task(unread),
             // Tiles and progress may overtake each other: the higher revision stays.
             (In::Tile(unread), In::Tile(newer)) if unread.revision > newer.revision => In::Tile(unread),
             (In::Progress(unread), In::Progress(newer)) if step(&unread) > step(&newer) => {

@@ -1,17 +1,18 @@
 //! The mission actor: decides where the vehicle goes next, as its plan, its operator and its peers let it.
 //!
-//! It is told the own and the peers' states, tiles, plans, progress, orders, the vehicle's remarks and what the disk has. It
-//! says commands, progress, what it measures for, what is to be remembered, and remarks. How a way is driven is decided by `pilot`; the last word on
-//! safety has the vehicle actor.
+//! It is told the own and the peers' states, tiles, plans, tasks, progress, orders, the vehicle's remarks and what the disk
+//! has. It says commands, progress, what it measures for, what is to be remembered, and remarks. How a way is driven is
+//! decided by `pilot`; the last word on safety has the vehicle actor.
 //!
-//! What is wanted of the vehicle is one state, see `goal`; what it is out for is the ground's plan (`ground_plan`) or a
-//! mission of its own (`kind`), whose steps `runner` carries out. Without an order it holds or returns when it hears
-//! nobody, has lost the bus or runs out of battery: see `autonomy`.
+//! What is wanted of the vehicle is one state, see `goal`; what it is out for is said by the operator's task or its file
+//! (`assignment`): the ground's plan (`ground_plan`) or a mission of its own (`kind`), whose steps `runner` carries out.
+//! Without an order it holds or returns when it hears nobody, has lost the bus or runs out of battery: see `autonomy`.
 //!
 //! A plan by a greater right than any before is taken once that lease is on the vehicle's disk: see `leases`.
 //!
 //! Deadlines: `repeat progress`, `the dwell at the stop ends`, `path ready`, `search again`.
 
+mod assignment;
 mod autonomy;
 mod goal;
 mod ground_plan;
@@ -30,8 +31,11 @@ use std::collections::BTreeSet;
 use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
-use tomoswarm_proto::{EmergencyStop, Order, OrderKind, Plan, RunId, SeenState, StandReason, VehicleId};
+use tomoswarm_proto::{
+    EmergencyStop, Order, OrderKind, Plan, RunId, SeenState, StandReason, Task, VehicleId,
+};
 
+use self::assignment::Assignment;
 use self::autonomy::Links;
 use self::goal::{By, Goal, Return, ReturnStage};
 use self::ground_plan::GroundPlan;
@@ -49,6 +53,7 @@ use crate::stops::first_that_stops;
 use crate::sweep::{VehicleProgress, WaitsFor};
 use crate::time::{Deadline, Time};
 
+pub(super) use assignment::begun_at;
 pub use autonomy::Cause;
 pub use home::{HOME_M, farthest_m as home_farthest_m, is_at_home};
 pub use messages::{End, In, Key, MissionStatus, Out, Remark};
@@ -63,6 +68,7 @@ const FAILURES_MAX: u32 = 3;
 pub struct Mission {
     settings: Settings,
     state: Option<OwnState>,
+    assignment: Assignment,
     plan: GroundPlan,
     pilot: Pilot,
     /// What it does when the ground station does not plan for it.
@@ -86,6 +92,7 @@ impl Mission {
         let repeat_at = Time::ZERO + REPEAT_EVERY + Duration::from_millis(53) * u32::from(settings.vehicle.0);
         Mission {
             pilot: Pilot::new(settings.clone()),
+            assignment: Assignment::by_file(&settings),
             runner: StepRunner::of(&settings),
             peers: Peers::new(settings.vehicle),
             plan: GroundPlan::new(&settings),
@@ -135,7 +142,7 @@ impl Mission {
         if self.runner.is_some() {
             return self.run_steps(now, out);
         }
-        if self.plan.has_left() {
+        if self.assignment.refusal().is_some() || self.plan.has_left() {
             return self.stay();
         }
         self.plan.resume();
@@ -282,6 +289,7 @@ impl Mission {
                     self.stop(now, out);
                 }
                 self.goal = Goal::Following;
+                self.start(now, order.run, out);
             }
             OrderKind::Hold | OrderKind::Land | OrderKind::CutMotors => {
                 self.goal = Goal::Held(By::Order);
@@ -293,6 +301,46 @@ impl Mission {
             }
         }
         self.go_on(now, out);
+    }
+
+    /// It is started in a run: what it is out for there is begun, or goes on.
+    fn start(&mut self, now: Time, run: RunId, out: &mut Vec<Out>) {
+        let was_own = self.assignment.is_own();
+        if self.assignment.start(run) {
+            self.take_up(now, was_own, out);
+        }
+    }
+
+    /// An operator says what a run is.
+    fn take_task(&mut self, now: Time, task: &Task, out: &mut Vec<Out>) {
+        let was_own = self.assignment.is_own();
+        if self.leases.are_above(task.lease) || !self.assignment.hear(task) {
+            return;
+        }
+        self.take_up(now, was_own, out);
+        self.go_on(now, out);
+    }
+
+    /// It is out for something new: what is left of the way of before is given up. Plans that it follows stay with it, but
+    /// for those that a mission of its own leads it away from.
+    fn take_up(&mut self, now: Time, was_own: bool, out: &mut Vec<Out>) {
+        if !was_own && !self.assignment.is_own() {
+            return;
+        }
+        if self.goal == Goal::Following && !self.pilot.way().is_empty() {
+            self.stop(now, out);
+        }
+        if let Some(state) = &self.state {
+            self.pilot.give_up(state.pose.at);
+        }
+        self.settings.task = self.assignment.task().cloned().unwrap_or_default();
+        self.runner = StepRunner::of(&self.settings);
+        if self.assignment.is_own() {
+            self.plan.leave();
+        }
+        let refusal = self.assignment.refusal().map(|why| Remark::Ended(End::Refused(why)));
+        out.extend(refusal.map(Out::Remark));
+        out.push(Out::Progress(self.on_wire()));
     }
 
     /// Takes which emergency stops are open. One that stops the vehicle holds it as an order does, until a start.
@@ -342,7 +390,8 @@ impl Mission {
             out.push(Out::Progress(self.on_wire()));
         }
         out.extend(news.finished.map(|run| Out::Remark(Remark::Finished(run))));
-        let measure = self.plan.measures_for().filter(|_| self.goal == Goal::Following);
+        let is_planned = self.goal == Goal::Following && !self.assignment.is_own();
+        let measure = self.plan.measures_for().filter(|_| is_planned);
         if measure != self.said_measure {
             self.said_measure = measure;
             out.push(Out::Measure(measure));
@@ -361,7 +410,7 @@ impl Mission {
                 let steps = self.runner.as_ref().and_then(StepRunner::deadline);
                 Deadline::earlier(steps, self.pilot.deadline())
             }
-            Goal::Following if self.plan.has_left() => None,
+            Goal::Following if self.assignment.refusal().is_some() || self.plan.has_left() => None,
             Goal::Following => self.pilot.deadline(),
             Goal::Returning(Return { stage: ReturnStage::UnderWay { .. }, .. }) => self.pilot.deadline(),
             Goal::Returning(Return { stage: ReturnStage::InQueue(_), .. })
@@ -392,6 +441,7 @@ impl Actor for Mission {
                 }
             }
             In::Plan(plan) => self.take_plan(now, &plan, out),
+            In::Task(task) => self.take_task(now, &task, out),
             In::Progress(progress) => self.hear(now, &progress, out),
             In::Sighted(sighting) => {
                 self.peers.sight(now, &sighting);

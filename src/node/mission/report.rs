@@ -1,25 +1,28 @@
 //! What the mission says of itself to the other nodes, as it travels. It decides nothing, and says *unknown* or *none* for
 //! what is not known here.
 
-use tomoswarm_proto::{MissionEnd, MissionKind, MissionPhase, Permille, Position, StandReason};
+use tomoswarm_proto::{MissionEnd, MissionPhase, Permille, Position, Progress, StandReason};
 
 use super::goal::Goal;
 use super::runner::StepRunner;
 use super::{Cause, End, Mission, is_at_home};
-use crate::node::Task;
 
 impl Mission {
     /// Returns how far the vehicle is with its mission.
     pub(super) fn on_wire(&self) -> tomoswarm_proto::Mission {
         let (done, stops) = self.plan.stops_done();
-        let left = self.runner.as_ref().map_or(stops - done, StepRunner::places_left);
+        let left = match (&self.runner, self.assignment.refusal()) {
+            (Some(runner), _) => runner.places_left(),
+            (None, Some(_)) => 0,
+            (None, None) => stops - done,
+        };
         let is_home =
             |state: &super::OwnState| state.is_at_rest && is_at_home(state.pose, self.settings.home);
         tomoswarm_proto::Mission {
             vehicle: self.settings.vehicle,
             boot: self.settings.boot,
-            progress: self.plan.progress().into(),
-            kind: self.kind(),
+            progress: self.progress(),
+            kind: self.assignment.kind(),
             phase: self.phase(),
             share: self.share(done, stops),
             places_left: u16::try_from(left).unwrap_or(u16::MAX),
@@ -41,15 +44,11 @@ impl Mission {
         })
     }
 
-    fn kind(&self) -> MissionKind {
-        match self.settings.task {
-            Task::Plan => MissionKind::Sweep,
-            Task::Legs(_) => MissionKind::Legs,
-            Task::Forward(_) => MissionKind::Forward,
-            Task::Browse => MissionKind::Browse,
-            Task::Search => MissionKind::Search,
-            Task::Pathfind(_) => MissionKind::Pathfind,
-            Task::Explore => MissionKind::Explore,
+    /// Returns how far it is with its plan; of a mission of its own in which run that is, since it follows no revision.
+    fn progress(&self) -> Progress {
+        match self.assignment.is_own() {
+            true => Progress { run: self.assignment.run(), ..Progress::default() },
+            false => self.plan.progress().into(),
         }
     }
 
@@ -60,13 +59,14 @@ impl Mission {
             Goal::Held(_) => MissionPhase::Held,
             Goal::Returning(_) => MissionPhase::Returning,
             Goal::Home(_) => MissionPhase::Over,
+            Goal::Following if self.assignment.refusal().is_some() => MissionPhase::Over,
             Goal::Following => self.runner.as_ref().map_or_else(|| self.plan.phase(), StepRunner::phase),
         }
     }
 
     /// Returns how much of the plan is done; nobody knows how much of a mission of its own there is.
     fn share(&self, done: usize, stops: usize) -> Option<Permille> {
-        let is_planned = self.runner.is_none() && stops > 0;
+        let is_planned = !self.assignment.is_own() && stops > 0;
         is_planned.then(|| Permille::from_fraction(done as f64 / stops as f64)).flatten()
     }
 
@@ -77,6 +77,9 @@ impl Mission {
     }
 
     fn end(&self) -> Option<MissionEnd> {
+        if let Some(why) = self.assignment.refusal() {
+            return Some(MissionEnd::Refused(why));
+        }
         match &self.runner {
             Some(runner) => runner.end().map(end_on_wire),
             None => self.plan.is_done().then_some(MissionEnd::Done),
@@ -93,17 +96,19 @@ fn end_on_wire(end: &End) -> MissionEnd {
         End::NoWay(count) => MissionEnd::NoWay(places(*count)),
         End::GaveUp(count) => MissionEnd::GaveUp(places(*count)),
         End::NoRoom | End::TooLarge => MissionEnd::GaveUp(1),
+        End::Refused(why) => MissionEnd::Refused(*why),
     }
 }
 
 #[cfg(test)]
 mod tests {
-    use tomoswarm_proto::OrderKind;
+    use tomoswarm_proto::{MissionKind, MissionRefusal, OrderKind};
 
     use super::super::tests::{at, order, plan, planned, told};
     use super::*;
     use crate::actor::Actor;
     use crate::geom::Point;
+    use crate::node::Task;
     use crate::node::mission::In;
     use crate::node::tests_support::{own_state, settings};
 
@@ -178,6 +183,7 @@ mod tests {
             (End::NoWay(3), MissionEnd::NoWay(3)),
             (End::GaveUp(70_000), MissionEnd::GaveUp(u16::MAX)),
             (End::NoRoom, MissionEnd::GaveUp(1)),
+            (End::Refused(MissionRefusal::NoPlace), MissionEnd::Refused(MissionRefusal::NoPlace)),
         ] {
             assert_eq!(end_on_wire(&end), on_wire);
         }

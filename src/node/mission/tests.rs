@@ -3,10 +3,14 @@
 use std::sync::Arc;
 use tomoswarm_proto::TileReport;
 
-use tomoswarm_proto::{Boot, Lease, Mode, Position, Revision, State, Stop, StopId, TileAddress};
+use tomoswarm_proto::{
+    Boot, Lease, MissionEnd, MissionKind, MissionPhase, MissionRefusal, Mode, Position, Revision, State,
+    Stop, StopId, TaskKind, TileAddress,
+};
 
 use super::super::tests_support::{own_state, settings, state};
 use super::*;
+use crate::actor::Input;
 
 const RUN: RunId = RunId(1);
 /// The first state of the vehicle.
@@ -230,4 +234,101 @@ fn a_place_far_away_is_not_searched_for() {
         assert!(!pilot.can_reach(at(1.0), &own_state(0.0, 0.0), Point::new(9e5, 9e5)));
     }
     assert!(begin.elapsed() < Duration::from_secs(1), "{:?}", begin.elapsed());
+}
+
+fn task(lease: Lease, run: RunId, members: &[u8], kind: TaskKind) -> In {
+    let members = members.iter().map(|id| VehicleId(*id)).collect();
+    In::Task(Task { lease, run, members, compare_with: None, kind })
+}
+
+fn start(mission: &mut Mission, time_s: f64, run: u32, lease: Lease) -> Vec<Out> {
+    let (vehicle, revision, kind) = (VehicleId(1), Revision(run), OrderKind::Start);
+    let start = Order { vehicle, lease, run: RunId(run), revision, seen: Some(SEEN), kind, ends: vec![] };
+    told(mission, time_s, In::Order(start))
+}
+
+/// What a mission shows of what it is out for.
+fn shown(mission: &Mission) -> (RunId, MissionKind, MissionPhase, Option<MissionEnd>) {
+    let said = mission.on_wire();
+    (said.progress.run, said.kind, said.phase, said.end)
+}
+
+#[test]
+fn a_task_moves_nobody_and_its_start_begins_it_in_place_of_the_plan() {
+    let mut mission = planned(None);
+    assert_eq!(told(&mut mission, 1.5, task(Lease::default(), RunId(2), &[1], TaskKind::Browse)), []);
+    start(&mut mission, 2.0, 1, Lease::default());
+    assert_eq!(shown(&mission).1, MissionKind::Sweep, "run 1 is another one");
+    let out = start(&mut mission, 3.0, 2, Lease::default());
+    assert!(holds(&out), "what was driven is given up");
+    assert!(out.contains(&Out::Measure(None)), "nothing is measured for the sweep any more");
+    assert!(out.iter().any(|out| matches!(out, Out::Progress(said) if said.kind == MissionKind::Browse)));
+    mission.wake(at(3.2), &mut Vec::new()).unwrap();
+    assert_eq!(shown(&mission), (RunId(2), MissionKind::Browse, MissionPhase::Looking, None));
+    // Back in the sweep it waits for a plan from where it is.
+    let out = start(&mut mission, 9.0, 3, Lease::default());
+    assert_eq!((driven(&out), shown(&mission).1), (None, MissionKind::Sweep));
+}
+
+#[test]
+fn a_task_that_comes_after_its_start_counts_at_once_and_the_same_one_changes_nothing() {
+    let mut mission = planned(None);
+    start(&mut mission, 2.0, 2, Lease::default());
+    let browse = task(Lease::default(), RunId(2), &[1], TaskKind::Browse);
+    assert!(holds(&told(&mut mission, 3.0, browse.clone())));
+    mission.wake(at(3.2), &mut Vec::new()).unwrap();
+    let before = shown(&mission);
+    assert_eq!(before.2, MissionPhase::Looking);
+    assert!(!holds(&told(&mut mission, 4.0, browse)));
+    assert_eq!(shown(&mission), before);
+    // A start of the same run goes on with it.
+    let out = start(&mut mission, 5.0, 2, Lease::default());
+    assert!(!out.iter().any(|out| matches!(out, Out::Progress(_))));
+}
+
+#[test]
+fn a_task_by_a_lower_right_than_is_followed_is_passed_over() {
+    let lease = |number| Lease { number, holder: 7 };
+    for (number, kind) in [(3, MissionKind::Sweep), (4, MissionKind::Browse), (5, MissionKind::Browse)] {
+        let mut mission = planned(None);
+        start(&mut mission, 2.0, 2, lease(4));
+        told(&mut mission, 3.0, task(lease(number), RunId(2), &[1], TaskKind::Browse));
+        assert_eq!(shown(&mission).1, kind, "lease {number}");
+        assert_eq!(mission.on_wire().lease_number, 4, "a task takes no lease");
+    }
+}
+
+#[test]
+fn who_refuses_its_task_stands_says_why_and_is_free_for_the_next_one() {
+    let mut mission = planned(None);
+    told(&mut mission, 1.5, task(Lease::default(), RunId(2), &[2, 3], TaskKind::Explore));
+    let out = start(&mut mission, 2.0, 2, Lease::default());
+    let refused = End::Refused(MissionRefusal::NoPlace);
+    assert!(out.contains(&Out::Remark(Remark::Ended(refused))) && driven(&out).is_none());
+    let end = Some(MissionEnd::Refused(MissionRefusal::NoPlace));
+    assert_eq!(shown(&mission), (RunId(2), MissionKind::Explore, MissionPhase::Over, end));
+    assert_eq!(until(&mut mission, 2.0, 0.0, |out| matches!(out, Out::Command(..) | Out::Measure(_))), None);
+    told(&mut mission, 70.0, task(Lease::default(), RunId(2), &[1, 2], TaskKind::Explore));
+    mission.wake(at(70.2), &mut Vec::new()).unwrap();
+    assert_eq!(shown(&mission), (RunId(2), MissionKind::Explore, MissionPhase::Looking, None));
+}
+
+#[test]
+fn a_vehicle_that_is_held_takes_a_task_and_stays_held() {
+    let mut mission = planned(None);
+    start(&mut mission, 2.0, 2, Lease::default());
+    told(&mut mission, 3.0, order(OrderKind::Hold));
+    let out = told(&mut mission, 4.0, task(Lease::default(), RunId(2), &[1], TaskKind::Browse));
+    assert!(!out.iter().any(|out| matches!(out, Out::Command(..))), "{out:?}");
+    assert_eq!(shown(&mission).2, MissionPhase::Held);
+}
+
+#[test]
+fn of_two_unread_tasks_of_a_run_the_one_of_the_greater_right_stays() {
+    let lease = |number| Lease { number, holder: 7 };
+    let given = |number, kind| task(lease(number), RunId(2), &[1], kind);
+    let (low, high) = (given(1, TaskKind::Browse), given(2, TaskKind::Search));
+    assert_eq!(In::join(high.clone(), low.clone()), high);
+    assert_eq!(In::join(low, high.clone()), high);
+    assert_eq!(In::join(high, given(2, TaskKind::Browse)), given(2, TaskKind::Browse));
 }

@@ -13,6 +13,7 @@ fn want(kind: Kind) -> Instruction {
     Instruction {
         kind,
         begins: true,
+        mission: None,
         vehicles: BTreeSet::new(),
         expected: BTreeSet::new(),
         although_unheard: BTreeSet::new(),

@@ -5,9 +5,10 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::time::Duration;
 
-use tomoswarm_proto::{Report, RunEnd, RunId, RunReport, Sender, VehicleId, codec};
+use tomoswarm_proto::{MissionEnd, MissionKind, Report, RunEnd, RunId, RunReport, Sender, VehicleId, codec};
 
 use crate::geom::Point;
+use crate::node::mission::End;
 use crate::operator::names;
 use crate::operator::operator_actor::{In, Out};
 use crate::operator::script::{Condition, ScriptEnd, Step, is_home};
@@ -18,7 +19,7 @@ use crate::run::live_operator::LiveOperator;
 use crate::sim::bus::BytesByKind;
 use crate::sim::log::Log;
 use crate::sim::operator_script::PERSONS_ENTER;
-use crate::sim::{RUN, Scenario};
+use crate::sim::{Mission, RUN, Scenario};
 use crate::time::Time;
 
 /// Everybody is there within this time.
@@ -50,8 +51,10 @@ pub struct Diary {
     pub messages: u64,
     /// What the world said last.
     pub world: Status,
-    /// Whether the sweep that is wanted was driven to its end.
-    pub sweep_done: bool,
+    /// Whether the sweep that is wanted was driven to its end, or every mission has ended.
+    pub is_done: bool,
+    /// When and how the mission of each vehicle ended, where they have missions of their own.
+    pub missions: Vec<Mission>,
     /// Vehicles that came home at the end.
     pub home: usize,
 }
@@ -75,6 +78,12 @@ pub struct Director {
     /// What was reported of every run.
     runs: BTreeMap<RunId, RunReport>,
     home: BTreeSet<VehicleId>,
+    /// A vehicle that was silent for longer is not waited for.
+    lost_after: Duration,
+    /// Whether the ground station plans for all.
+    is_swept: bool,
+    /// When and how missions ended.
+    ended: BTreeMap<VehicleId, (Time, End)>,
     diary: Diary,
 }
 
@@ -96,6 +105,9 @@ impl Director {
             looked: Time::ZERO,
             runs: BTreeMap::new(),
             home: BTreeSet::new(),
+            lost_after: sim.venue.swarm.lost_after(),
+            is_swept: sim.task.is_planned_by_ground(),
+            ended: BTreeMap::new(),
             diary: Diary::default(),
         }
     }
@@ -115,7 +127,7 @@ impl Director {
         }
         let now = self.operator.now();
         if now > self.until {
-            return Going::Failed("the sweep did not end in time".to_owned());
+            return Going::Failed(self.unended());
         }
         if now.since(self.looked) >= LOOK {
             self.looked = now;
@@ -143,9 +155,32 @@ impl Director {
     /// Leaves the bus and gives what was written down.
     pub fn leave(mut self) -> Diary {
         self.watch_fleet(self.operator.now());
-        let sweep_done = self.runs.get(&RUN).is_some_and(|run| run.end == Some(RunEnd::Done));
+        let is_done = match self.is_swept {
+            true => self.runs.get(&RUN).is_some_and(|run| run.end == Some(RunEnd::Done)),
+            false => self.are_missions_ended(),
+        };
+        let mission = |id: &VehicleId| (*id, self.ended.get(id).cloned());
+        let missions = self.vehicles.iter().filter(|_| !self.is_swept).map(mission).collect();
         self.operator.close();
-        Diary { sweep_done, home: self.home.len(), ..self.diary }
+        Diary { is_done, missions, home: self.home.len(), ..self.diary }
+    }
+
+    /// Returns whether every vehicle that is there has ended its mission, as the script waits for it.
+    fn are_missions_ended(&self) -> bool {
+        let (view, now) = (self.operator.view(), self.operator.now());
+        let is_there =
+            |id: &&VehicleId| view.state(**id).is_some_and(|state| state.age(now) <= self.lost_after);
+        let mut there = self.vehicles.iter().filter(is_there).peekable();
+        there.peek().is_some() && there.all(|id| self.ended.contains_key(id))
+    }
+
+    fn unended(&self) -> String {
+        if self.is_swept {
+            return "the sweep did not end in time".to_owned();
+        }
+        let open = self.vehicles.iter().filter(|id| !self.ended.contains_key(id));
+        let ids: Vec<String> = open.map(VehicleId::to_string).collect();
+        format!("the missions of vehicles {} did not end in time", ids.join(", "))
     }
 
     /// Says in one line how it stands.
@@ -155,7 +190,10 @@ impl Director {
             self.operator.view().ground(now).map_or("the ground station is not heard".to_owned(), |report| {
                 let Report { phase, run, laps_done, laps, samples, .. } = &report.value;
                 let phase = format!("{phase:?}").to_lowercase();
-                format!("{phase}, sweep {run}, lap {laps_done}/{laps}, {samples} samples")
+                match self.is_swept {
+                    true => format!("{phase}, sweep {run}, lap {laps_done}/{laps}, {samples} samples"),
+                    false => format!("run {run}, {} missions ended", self.ended.len()),
+                }
             });
         let mode = |id: &VehicleId| {
             let state = self.operator.view().state(*id);
@@ -210,10 +248,41 @@ impl Director {
                 self.note("ground", &format!("run {run} is {end}: {samples} samples, {images} images"));
             }
         }
+        let ended = self.vehicles.iter().filter_map(|id| Some((*id, self.ending(*id)?)));
+        for (id, end) in ended.collect::<Vec<(VehicleId, Option<(MissionEnd, End)>)>>() {
+            self.take_end(now, id, end);
+        }
         for id in home.difference(&self.home.clone()) {
             self.note(&format!("vehicle {id}"), "is home");
         }
         self.home = home;
+    }
+
+    /// Returns how a vehicle says that its own mission has ended, `Some(None)` when it says that it has not; `None` when it
+    /// says nothing of one.
+    fn ending(&self, id: VehicleId) -> Option<Option<(MissionEnd, End)>> {
+        let view = self.operator.view();
+        let said = view.vehicle(id)?.mission.as_ref().map(|said| said.value)?;
+        if said.kind == MissionKind::Sweep {
+            return None;
+        }
+        let pose = view.state(id).and_then(|state| state.value.pose);
+        let place = pose.map(|pose| Point::from(pose.at)).unwrap_or_default();
+        Some(said.end.map(|end| (end, end_of(end, place))))
+    }
+
+    /// Notes how a mission has ended, once; one that was begun anew has not.
+    fn take_end(&mut self, now: Time, id: VehicleId, end: Option<(MissionEnd, End)>) {
+        match (end, self.ended.contains_key(&id)) {
+            (Some((said, end)), false) => {
+                self.ended.insert(id, (now, end));
+                self.note(&format!("vehicle {id}"), &format!("its mission has ended: {said}"));
+            }
+            (None, true) => {
+                self.ended.remove(&id);
+            }
+            (Some(_), true) | (None, false) => {}
+        }
     }
 
     fn watch_world(&mut self) {
@@ -240,5 +309,16 @@ impl Director {
             let count = self.diary.world.collision_count;
             self.note("referee", &format!("{count} collisions"));
         }
+    }
+}
+
+/// Returns an end as a simulation writes it down; `place` is where the vehicle stands.
+fn end_of(end: MissionEnd, place: Point) -> End {
+    match end {
+        MissionEnd::Done => End::Done,
+        MissionEnd::Stopped => End::Stopped(place),
+        MissionEnd::NoWay(places) => End::NoWay(places.into()),
+        MissionEnd::GaveUp(places) => End::GaveUp(places.into()),
+        MissionEnd::Refused(why) => End::Refused(why),
     }
 }

@@ -51,13 +51,13 @@ pub fn outcome(
         Err(_) if failure.is_some() => Stored::nothing(scenario),
         read => read?,
     };
-    let Diary { log, bytes, messages, world, sweep_done, home } = diary;
-    let finished = sweep_done && failure.is_none();
+    let Diary { log, bytes, messages, world, is_done, missions, home } = diary;
+    let finished = is_done && failure.is_none();
     Ok(Outcome {
         finished,
         home,
         held: 0,
-        failure: failure.or_else(|| (!finished).then(|| "the sweep did not end".to_owned())),
+        failure: failure.or_else(|| (!finished).then(|| unended(scenario).to_owned())),
         simulated: Time::from_nanos(world.now_ns),
         collisions: world.collisions.iter().map(collision).collect(),
         fence_breaches: usize::try_from(world.fence_breaches).unwrap_or(usize::MAX),
@@ -69,7 +69,7 @@ pub fn outcome(
         structure: stored.structure,
         map: stored.map,
         tracks,
-        missions: Vec::new(),
+        missions,
         persons: scenario.persons().to_vec(),
         outlines: scenario.outlines()?,
         counts: Counts {
@@ -83,6 +83,13 @@ pub fn outcome(
         bus_bytes: bytes,
         log: log.into_text(),
     })
+}
+
+fn unended(scenario: &Scenario) -> &'static str {
+    match scenario.sim().task.is_planned_by_ground() {
+        true => "the sweep did not end",
+        false => "not every mission has ended",
+    }
 }
 
 impl Stored {

@@ -1,6 +1,14 @@
-//! The processes of a live swarm: started, watched, and ended in order. Each is in a process group of its own, so that
+//! The processes of a live swarm: started, watched, started again, and ended in order. Each is in a process group of its own, so that
 //! Ctrl-C on the terminal reaches only us and we end them in order. Their standard input is a pipe of ours that is never
 //! written to: when this process is gone, however, they see its end and end themselves.
+//!
+//! A node that dies is started again as its service is in the field (`deploy/`), but within limits: after 1, 2 and 4 s, and no
+//! more when it dies a fourth time within a minute ([`Restarts`]). One that refuses its configuration (exit code 2) or has
+//! ended in order is not started again, and neither is the world, which cannot go on.
+//!
+//! ```text
+//!   runs ─dies─► waits ─1, 2, 4 s─► runs      ─dies too often, exit code 0 or 2, the world─► dead
+//! ```
 
 use std::fs::{self, File};
 use std::io::{self, BufRead, BufReader};
@@ -13,12 +21,17 @@ use std::time::{Duration, Instant};
 
 use rustix::process::{Pid, Signal, kill_process, kill_process_group};
 
+use crate::exchange::restarts::Restarts;
+use crate::time::Time;
+
 /// A process that was asked to end gets this long.
 pub const ENDS_WITHIN: Duration = Duration::from_secs(8);
 /// It is looked for its end this often.
 const LOOK: Duration = Duration::from_millis(20);
 /// The world says where it listens within this time.
 const WORLD_WITHIN: Duration = Duration::from_secs(20);
+/// The exit code of a node that refuses its configuration, or is refused by the others.
+const REFUSED: i32 = 2;
 /// The last lines of a log that are shown.
 const LAST_LINES: usize = 5;
 
@@ -38,9 +51,37 @@ pub enum Rank {
 struct Process {
     name: String,
     rank: Rank,
+    command: Command,
     child: Child,
     log: PathBuf,
     ended: Option<ExitStatus>,
+    restarts: Restarts,
+    stage: Stage,
+}
+
+/// How it stands with a process.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+enum Stage {
+    Runs,
+    /// It has died, and is started again then.
+    Waits(Time),
+    Dead,
+}
+
+/// What has happened to a process.
+#[derive(Clone, PartialEq, Eq, Debug)]
+pub enum News {
+    /// It has died, and is started again after a while.
+    Died {
+        /// Which one, how, and what it said last.
+        dead: Dead,
+        /// After so long.
+        again_after: Duration,
+    },
+    /// It was started again.
+    Started(String),
+    /// It has ended, and is not started again.
+    Dead(Dead),
 }
 
 /// A process that ended by itself.
@@ -125,20 +166,25 @@ impl Processes {
         let output = if keeps_output { Stdio::piped() } else { Stdio::from(file.try_clone()?) };
         command.stdin(Stdio::piped()).stdout(output).stderr(file).process_group(0);
         let child = command.spawn()?;
-        self.list.push(Process { name: name.to_owned(), rank, child, log, ended: None });
+        self.list.push(Process {
+            name: name.to_owned(),
+            rank,
+            command,
+            child,
+            log,
+            ended: None,
+            restarts: Restarts::default(),
+            stage: Stage::Runs,
+        });
         match self.list.last_mut() {
             Some(process) => Ok(&mut process.child),
             None => Err(io::Error::other("nothing was started")),
         }
     }
 
-    /// Gives the first process that has ended by itself.
-    pub fn dead(&mut self) -> Option<Dead> {
-        let process = self.list.iter_mut().find_map(|process| {
-            let status = process.look()?;
-            Some((process.name.clone(), status, last_lines(&process.log)))
-        });
-        process.map(|(name, status, last_words)| Dead { name, how: status.to_string(), last_words })
+    /// Looks after all of them: starts again who has died and may be. Returns what has happened since.
+    pub fn look_after(&mut self, now: Time) -> Vec<News> {
+        self.list.iter_mut().filter_map(|process| process.look_after(now)).collect()
     }
 
     /// Ends all of them in order: who is asked gets [`ENDS_WITHIN`] and is killed then.
@@ -163,6 +209,38 @@ impl Drop for Processes {
 }
 
 impl Process {
+    fn look_after(&mut self, now: Time) -> Option<News> {
+        match self.stage {
+            Stage::Runs => {
+                let status = self.look()?;
+                let dead = self.dead(status.to_string());
+                let is_final = self.rank == Rank::World || status.success() || status.code() == Some(REFUSED);
+                let again_after = if is_final { None } else { self.restarts.failed(now) };
+                self.stage = again_after.map_or(Stage::Dead, |wait| Stage::Waits(now + wait));
+                Some(
+                    again_after
+                        .map_or(News::Dead(dead.clone()), |again_after| News::Died { dead, again_after }),
+                )
+            }
+            // What it says goes on in the same log.
+            Stage::Waits(at) if now >= at => match self.command.spawn() {
+                Ok(child) => {
+                    (self.child, self.ended, self.stage) = (child, None, Stage::Runs);
+                    Some(News::Started(self.name.clone()))
+                }
+                Err(error) => {
+                    self.stage = Stage::Dead;
+                    Some(News::Dead(self.dead(format!("it cannot be started again: {error}"))))
+                }
+            },
+            Stage::Waits(_) | Stage::Dead => None,
+        }
+    }
+
+    fn dead(&self, how: String) -> Dead {
+        Dead { name: self.name.clone(), how, last_words: last_lines(&self.log) }
+    }
+
     /// Gives how it ended, if it has.
     fn look(&mut self) -> Option<ExitStatus> {
         if self.ended.is_none() {
@@ -284,20 +362,63 @@ mod tests {
         assert!(!pids.iter().any(|pid| is_alive(*pid)));
     }
 
+    /// What happens first; the time is that of whoever looks.
+    fn first(processes: &mut Processes, now_s: f64) -> News {
+        let now = Time::from_secs_f64(now_s);
+        let news = std::iter::repeat_with(|| {
+            std::thread::sleep(LOOK);
+            processes.look_after(now).into_iter().next()
+        });
+        news.take(250).flatten().next().unwrap()
+    }
+
     #[test]
-    fn one_that_dies_early_is_named_with_its_last_words() {
+    fn who_dies_is_started_again_after_growing_waits_and_not_a_fourth_time_within_a_minute() {
         let root = tempfile::tempdir().unwrap();
         let mut processes = Processes::new(root.path());
         processes.start("ground", Rank::Ground, shell("sleep 60")).unwrap();
-        assert_eq!(processes.dead(), None);
-        processes.start("vehicle-1", Rank::Vehicle, shell("seq 1 9 >&2; exit 3")).unwrap();
-        let dead = std::iter::repeat_with(|| {
-            std::thread::sleep(LOOK);
-            processes.dead()
-        });
-        let dead = dead.take(250).flatten().next().unwrap();
-        assert_eq!((dead.name.as_str(), dead.last_words.as_str()), ("vehicle-1", "5\n6\n7\n8\n9"));
-        assert!(dead.how.contains('3'), "{}", dead.how);
+        assert_eq!(processes.look_after(Time::ZERO), []);
+        processes.start("vehicle-1", Rank::Vehicle, shell("seq 1 9 >&2; kill -9 $$")).unwrap();
+        let mut now_s = 0.0;
+        for wait_s in [1, 2, 4] {
+            let News::Died { dead, again_after } = first(&mut processes, now_s) else {
+                panic!("it is final")
+            };
+            assert_eq!((dead.name.as_str(), again_after), ("vehicle-1", Duration::from_secs(wait_s)));
+            assert!(dead.how.contains("signal: 9"), "{}", dead.how);
+            assert_eq!(dead.last_words, "5\n6\n7\n8\n9");
+            now_s += wait_s as f64;
+            assert_eq!(processes.look_after(Time::from_secs_f64(now_s - 0.1)), []);
+            assert_eq!(first(&mut processes, now_s), News::Started("vehicle-1".to_owned()));
+        }
+        assert!(matches!(first(&mut processes, now_s), News::Dead(dead) if dead.name == "vehicle-1"));
+        assert_eq!(processes.look_after(Time::from_secs_f64(1e6)), [], "that is said once");
+        let log = fs::read_to_string(root.path().join("vehicle-1.log")).unwrap();
+        assert_eq!(log.lines().count(), 4 * 9, "every start's words are kept");
+    }
+
+    #[test]
+    fn a_refused_configuration_an_end_in_order_and_the_world_are_final() {
+        for (rank, script) in [
+            (Rank::Vehicle, "echo no such venue >&2; exit 2"),
+            (Rank::Ground, "exit 0"),
+            (Rank::World, "kill -9 $$"),
+        ] {
+            let root = tempfile::tempdir().unwrap();
+            let mut processes = Processes::new(root.path());
+            processes.start("node", rank, shell(script)).unwrap();
+            assert!(matches!(first(&mut processes, 0.0), News::Dead(_)), "{script}");
+        }
+    }
+
+    #[test]
+    fn who_waits_to_be_started_again_needs_no_end() {
+        let root = tempfile::tempdir().unwrap();
+        let mut processes = Processes::new(root.path());
+        processes.start("vehicle-1", Rank::Vehicle, shell("exit 1")).unwrap();
+        assert!(matches!(first(&mut processes, 0.0), News::Died { .. }));
+        let ended = processes.stop();
+        assert_eq!(ended, [Ended { name: "vehicle-1".to_owned(), was_killed: false }]);
     }
 
     #[test]

@@ -1,6 +1,8 @@
 //! What operators say to the station, and what it tells them: tasks, leases, and how runs ended.
 
-use tomoswarm_proto::{Hello, MissionKind, OperatorId, RunReport, SweepPlanner, Task, TaskKind};
+use tomoswarm_proto::{
+    Hello, MissionEnd, MissionKind, MissionRefusal, OperatorId, RunReport, SweepPlanner, Task, TaskKind,
+};
 
 use super::*;
 
@@ -90,6 +92,71 @@ fn a_task_that_is_no_sweep_is_left_to_the_vehicles() {
         swarm.seconds(60);
         assert_eq!((swarm.report().phase, &swarm.begun[..]), (StationPhase::Idle, &[][..]));
         assert_eq!(run(&swarm, RUN).end, None);
+    }
+}
+
+/// Three vehicles that explore by a task in [`RUN`].
+fn exploring() -> Swarm {
+    let mut swarm = Swarm::new(3, settings(3));
+    swarm.seconds(3);
+    swarm.tell(task(RUN, None, TaskKind::Explore), usize::MAX);
+    order(&mut swarm, RUN, OrderKind::Start);
+    end(&mut swarm, 1..=3, None);
+    swarm.seconds(3);
+    swarm
+}
+
+fn end(swarm: &mut Swarm, vehicles: std::ops::RangeInclusive<u8>, end: Option<MissionEnd>) {
+    let of_those = swarm.rovers.iter_mut().filter(|rover| vehicles.contains(&rover.id.0));
+    of_those.for_each(|rover| rover.own = Some((MissionKind::Explore, end)));
+}
+
+#[test]
+fn a_run_of_the_vehicles_is_done_when_all_that_are_there_have_ended_their_missions() {
+    let mut swarm = exploring();
+    assert_eq!((run(&swarm, RUN).end, swarm.report().run), (None, RUN));
+    end(&mut swarm, 1..=2, Some(MissionEnd::Done));
+    swarm.seconds(3);
+    assert_eq!(run(&swarm, RUN).end, None, "vehicle 3 is under way");
+    swarm.rovers[2].is_dead = true;
+    swarm.seconds(20);
+    assert_eq!(run(&swarm, RUN).end, None, "it may come back");
+    swarm.seconds(20);
+    let said = run(&swarm, RUN);
+    assert_eq!((said.kind, said.end), (MissionKind::Explore, Some(RunEnd::Done)));
+    assert_eq!((swarm.report().phase, &swarm.begun[..]), (StationPhase::Idle, &[][..]));
+}
+
+#[test]
+fn a_run_in_which_a_vehicle_gives_up_or_refuses_has_failed_and_says_who_and_why() {
+    let outside = MissionEnd::Refused(MissionRefusal::OutsideFence);
+    for (last, why) in [
+        (MissionEnd::NoWay(2), None),
+        (MissionEnd::GaveUp(2), Some("run 2 has failed: vehicle 3 gave up 2")),
+        (outside, Some("run 2 has failed: vehicle 3 refused: a place lies outside the fence")),
+    ] {
+        let mut swarm = exploring();
+        end(&mut swarm, 1..=2, Some(MissionEnd::Stopped));
+        end(&mut swarm, 3..=3, Some(last));
+        swarm.seconds(3);
+        let expected = if why.is_some() { RunEnd::Failed } else { RunEnd::Done };
+        assert_eq!(run(&swarm, RUN).end, Some(expected), "{last:?}");
+        let troubles = &swarm.report().troubles;
+        assert_eq!(troubles.iter().map(String::as_str).find(|words| words.starts_with("run 2")), why);
+    }
+}
+
+#[test]
+fn without_a_task_a_run_is_left_to_vehicles_that_all_say_to_have_missions_of_their_own() {
+    for all in [true, false] {
+        let mut swarm = Swarm::new(3, settings(3));
+        swarm.seconds(3);
+        end(&mut swarm, if all { 1..=3 } else { 1..=2 }, None);
+        order(&mut swarm, RUN, OrderKind::Start);
+        swarm.seconds(60);
+        let kind = if all { MissionKind::Explore } else { MissionKind::Sweep };
+        assert_eq!(run(&swarm, RUN).kind, kind);
+        assert_eq!(swarm.report().phase == StationPhase::Idle, all, "{:?}", swarm.report());
     }
 }
 

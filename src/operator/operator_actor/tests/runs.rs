@@ -1,9 +1,13 @@
 //! Tasks, leases that are held, and scripts that wait for runs and missions.
 
-use tomoswarm_proto::{Mission, MissionEnd, MissionKind, MissionPhase, RunEnd, RunReport, TaskKind};
+use tomoswarm_proto::{
+    Mission, MissionEnd, MissionKind, MissionPhase, MissionRefusal, Progress, RunEnd, RunReport, TaskKind,
+};
 
 use super::super::super::given_tasks::TaskWish;
+use super::super::super::outcome::Refusal;
 use super::super::super::script::Present;
+use super::super::super::want::MissionWish;
 use super::*;
 
 const RUN: RunId = RunId(3);
@@ -46,8 +50,82 @@ fn a_task_is_said_before_the_start_that_follows_it_and_again_until_it_is_shown()
     world.run(2.0);
     assert_eq!(world.tasks.len(), 2, "no report has shown it for 5 s");
     world.report = Some(run_ended(None, &[]));
+    world.run(5.0);
+    assert_eq!(world.tasks.len(), 3, "the vehicle has not shown it");
+    out_for(&mut world, 1, RUN, None);
     world.run(20.0);
-    assert_eq!(world.tasks.len(), 2);
+    assert_eq!(world.tasks.len(), 3);
+}
+
+/// A vehicle says that it is out to browse in a run.
+fn out_for(world: &mut World, vehicle: u8, run: RunId, end: Option<MissionEnd>) {
+    let progress = Progress { run, ..Progress::default() };
+    let (vehicle, kind, boot) = (VehicleId(vehicle), MissionKind::Browse, Boot(1));
+    let mission = Mission { vehicle, boot, progress, kind, end, ..Mission::default() };
+    world.tell(In::Bus(heard(Message::Mission(mission))));
+}
+
+/// A start that begins to browse.
+fn browse() -> Want {
+    let mission = MissionWish { kind: TaskKind::Browse, compare_with: None };
+    Want { mission: Some(mission), ..want(Kind::Start) }
+}
+
+#[test]
+fn a_start_that_begins_a_mission_gives_its_task_first_in_a_run_above_all_that_are_known() {
+    for given in [None, Some(RunId(7))] {
+        let mut world = World::new(vec![Rover::new(1), Rover::ordered(2, of_one().lease, 3, Kind::Hold)]);
+        let runs = given.map(|run| RunReport { run, kind: MissionKind::Search, ..RunReport::default() });
+        world.report = Some(Report { runs: runs.into_iter().collect(), ..of_one() });
+        world.tell(In::Want(1, browse()));
+        world.run(3.0);
+        let run = RunId(given.map_or(2, |run| run.0 + 1));
+        let (at, task) = &world.tasks[0];
+        assert_eq!((task.run, &task.members[..]), (run, &[1, 2].map(VehicleId)[..]));
+        assert_eq!((task.lease, &task.kind, task.compare_with), (of_one().lease, &TaskKind::Browse, None));
+        assert!(world.orders.iter().all(|(sent, order)| sent >= at && order.run == run));
+        assert!(world.ended().is_empty(), "nobody shows that it is out for it");
+        out_for(&mut world, 1, run, None);
+        out_for(&mut world, 2, run, Some(MissionEnd::Refused(MissionRefusal::OutsideFence)));
+        world.run(0.2);
+        let outcome = &world.ended()[0].1;
+        assert!(outcome.vehicles[&VehicleId(1)].is_done() && !outcome.is_done());
+        let why = "vehicle 2 refuses the mission: a place lies outside the fence";
+        assert_eq!((outcome.undone().as_str(), outcome.run), (why, Some(run)));
+    }
+}
+
+#[test]
+fn who_obeys_the_start_of_a_mission_and_does_not_show_it_is_named_in_the_end() {
+    let mut world = World::new(vec![Rover::new(1)]);
+    world.report = Some(of_one());
+    world.tell(In::Want(1, browse()));
+    out_for(&mut world, 1, RunId(0), None);
+    world.run(6.0);
+    assert_eq!(world.ended()[0].1.undone(), "vehicle 1 does not show the mission");
+}
+
+#[test]
+fn a_mission_is_not_begun_while_the_ground_station_drives_a_sweep_and_no_task_is_given() {
+    let mut world = World::new(vec![Rover::new(1)]);
+    world.report = Some(Report { phase: StationPhase::Running, run: RunId(4), ..of_one() });
+    world.tell(In::Want(1, browse()));
+    world.run(3.0);
+    let refused = Refusal::UnderWay { under_way: RunId(4), asked: RunId(5) };
+    assert_eq!(world.ended()[0].1.refused, Some(refused));
+    assert!(world.tasks.is_empty() && world.orders.is_empty());
+}
+
+#[test]
+fn a_start_goes_on_with_a_mission_that_is_open_and_begins_a_run_after_one_that_has_ended() {
+    for (end, run) in [(None, RunId(1)), (Some(RunEnd::Done), RunId(2))] {
+        let mut world = World::new(vec![Rover::ordered(1, of_one().lease, 3, Kind::Hold)]);
+        let of_run = RunReport { run: RunId(1), kind: MissionKind::Browse, end, ..RunReport::default() };
+        world.report = Some(Report { run: RunId(1), runs: vec![of_run], ..of_one() });
+        world.tell(In::Want(1, want(Kind::Start)));
+        world.run(3.0);
+        assert_eq!(world.orders[0].1.run, run);
+    }
 }
 
 #[test]

@@ -1,0 +1,273 @@
+//! What the vehicle is out for: the newest task of the run that it was started in; without one, what its own file says. An
+//! operator's task moves nobody: it counts from the start of its run on, and at once when that was given before.
+//!
+//! ```text
+//!   task of this run or a later one ─► kept
+//!   start of a run ─► its task, if there is one ─► a mission of its own, the ground's plan, or refused, and why
+//!                      └─ none: as the file says
+//! ```
+//!
+//! Deliberately absent: by whose right a task is given ([`super::leases`]), how a mission is carried out
+//! ([`super::runner`]), and a disk: who is started anew is told again.
+
+use std::collections::BTreeMap;
+
+use serde::{Deserialize, Serialize};
+use tomoswarm_proto::{self as proto, MissionKind, MissionRefusal, RunId, TaskKind, VehicleId};
+
+use crate::geom::{Point, Polygon};
+use crate::node::{Settings, Task};
+
+/// Tasks of so many runs are kept: the present one's, and the highest.
+const RUNS_MAX: usize = 4;
+
+/// What a vehicle is out for, and what it was told for later.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub(super) struct Assignment {
+    vehicle: VehicleId,
+    is_blind: bool,
+    fence: Polygon,
+    by_file: Task,
+    /// The run that it was started in last.
+    run: RunId,
+    /// Tasks of that run and of later ones.
+    tasks: BTreeMap<RunId, proto::Task>,
+    /// What follows from it.
+    kind: MissionKind,
+    task: Result<Task, MissionRefusal>,
+}
+
+impl Assignment {
+    /// Makes the assignment of a vehicle that no operator has told anything.
+    pub fn by_file(settings: &Settings) -> Assignment {
+        Assignment {
+            vehicle: settings.vehicle,
+            is_blind: settings.look.is_blind,
+            fence: settings.fence.clone(),
+            by_file: settings.task.clone(),
+            run: RunId::default(),
+            tasks: BTreeMap::new(),
+            kind: kind_of(&settings.task),
+            task: Ok(settings.task.clone()),
+        }
+    }
+
+    /// Returns the run that it was started in last.
+    pub fn run(&self) -> RunId {
+        self.run
+    }
+
+    /// Returns the kind of what it is out for, also of what it refuses.
+    pub fn kind(&self) -> MissionKind {
+        self.kind
+    }
+
+    /// Returns what it is out for.
+    ///
+    /// # Errors
+    /// Why it is never begun.
+    pub fn task(&self) -> Result<&Task, MissionRefusal> {
+        self.task.as_ref().map_err(|why| *why)
+    }
+
+    /// Returns why it never begins what it was told to do.
+    pub fn refusal(&self) -> Option<MissionRefusal> {
+        self.task.as_ref().err().copied()
+    }
+
+    /// Returns whether it does not follow the ground's plan: it has a mission of its own, or refuses its task.
+    pub fn is_own(&self) -> bool {
+        self.task != Ok(Task::Plan)
+    }
+
+    /// Takes a task, unless it is of an earlier run; returns whether the vehicle is out for something else from now on.
+    pub fn hear(&mut self, task: &proto::Task) -> bool {
+        if task.run < self.run {
+            return false;
+        }
+        self.tasks.insert(task.run, task.clone());
+        if self.tasks.len() > RUNS_MAX {
+            let lowest = self.tasks.keys().copied().find(|run| *run != self.run);
+            lowest.and_then(|run| self.tasks.remove(&run));
+        }
+        task.run == self.run && self.decide()
+    }
+
+    /// Takes that it is started in a run; returns whether it begins something, or something else.
+    pub fn start(&mut self, run: RunId) -> bool {
+        let is_another = run != self.run;
+        self.run = run;
+        self.tasks.retain(|kept, _| *kept >= run);
+        self.decide() || is_another
+    }
+
+    /// Decides what it is out for in the present run; returns whether that is something else than before.
+    fn decide(&mut self) -> bool {
+        let (kind, task) = match self.tasks.get(&self.run) {
+            Some(task) => (MissionKind::from(&task.kind), self.share_of(task)),
+            None => (kind_of(&self.by_file), Ok(self.by_file.clone())),
+        };
+        let is_news = (kind, &task) != (self.kind, &self.task);
+        (self.kind, self.task) = (kind, task);
+        is_news
+    }
+
+    /// Returns what of a task is this vehicle's to do. Legs begin with another place for each member, so that they do not
+    /// all head for the same one; places to be visited are shared.
+    fn share_of(&self, task: &proto::Task) -> Result<Task, MissionRefusal> {
+        let Some(index) = task.members.iter().position(|member| *member == self.vehicle) else {
+            return Err(MissionRefusal::NoPlace);
+        };
+        let points = |places: &[proto::Position]| places.iter().map(|at| Point::from(*at)).collect();
+        let (places, share): (Vec<Point>, Task) = match &task.kind {
+            TaskKind::Sweep { .. } => return Ok(Task::Plan),
+            TaskKind::Legs { places } => {
+                let places: Vec<Point> = points(places);
+                (places.clone(), Task::Legs(begun_at(&places, index)))
+            }
+            TaskKind::Pathfind { places } => {
+                let all: Vec<Point> = points(places);
+                let places: Vec<Point> = all.into_iter().skip(index).step_by(task.members.len()).collect();
+                (places.clone(), Task::Pathfind(places))
+            }
+            TaskKind::Forward { distance_mm } => (vec![], Task::Forward(f64::from(*distance_mm) / 1000.0)),
+            TaskKind::Browse => (vec![], Task::Browse),
+            TaskKind::Search => (vec![], Task::Search),
+            TaskKind::Explore => (vec![], Task::Explore),
+        };
+        if self.is_blind {
+            return Err(MissionRefusal::NotCapable);
+        }
+        let is_inside = places.iter().all(|at| self.fence.contains(*at));
+        if is_inside { Ok(share) } else { Err(MissionRefusal::OutsideFence) }
+    }
+}
+
+/// Returns the kind of a task.
+pub(super) fn kind_of(task: &Task) -> MissionKind {
+    match task {
+        Task::Plan => MissionKind::Sweep,
+        Task::Legs(_) => MissionKind::Legs,
+        Task::Forward(_) => MissionKind::Forward,
+        Task::Browse => MissionKind::Browse,
+        Task::Search => MissionKind::Search,
+        Task::Pathfind(_) => MissionKind::Pathfind,
+        Task::Explore => MissionKind::Explore,
+    }
+}
+
+/// Returns places in another order: from one of them to the end, then from the first. A round that ends where it began does
+/// so again.
+pub(in crate::node) fn begun_at(places: &[Point], index: usize) -> Vec<Point> {
+    let is_round = places.len() > 2 && places.first() == places.last();
+    let open = &places[..places.len() - usize::from(is_round)];
+    let start = index % open.len().max(1);
+    let mut turned: Vec<Point> = open[start..].iter().chain(&open[..start]).copied().collect();
+    turned.extend(turned.first().copied().filter(|_| is_round));
+    turned
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::node::tests_support::settings;
+    use tomoswarm_proto::Position;
+
+    fn task(run: u32, kind: TaskKind) -> proto::Task {
+        let members = vec![VehicleId(1), VehicleId(3)];
+        proto::Task { lease: Default::default(), run: RunId(run), members, compare_with: None, kind }
+    }
+
+    fn places(all: &[(f64, f64)]) -> Vec<Position> {
+        all.iter().map(|(x_m, y_m)| Position::from_metres(*x_m, *y_m, 0.0)).collect()
+    }
+
+    fn points(all: &[(f64, f64)]) -> Vec<Point> {
+        all.iter().map(|(x_m, y_m)| Point::new(*x_m, *y_m)).collect()
+    }
+
+    /// What a vehicle that is started in run 3 makes of a task of that run.
+    fn taken(vehicle: u8, kind: TaskKind) -> Result<Task, MissionRefusal> {
+        let mut assignment = Assignment::by_file(&settings(vehicle));
+        assignment.hear(&task(3, kind));
+        assert_eq!(assignment.task(), Ok(&Task::Plan), "it moves nobody");
+        assignment.start(RunId(3));
+        assignment.task().cloned()
+    }
+
+    #[test]
+    fn every_member_takes_its_share_of_a_task() {
+        let round = [(0.0, 0.0), (4.0, 0.0), (4.0, 4.0), (0.0, 0.0)];
+        let from_second = [(4.0, 0.0), (4.0, 4.0), (0.0, 0.0), (4.0, 0.0)];
+        let legs = TaskKind::Legs { places: places(&round) };
+        assert_eq!(taken(1, legs.clone()), Ok(Task::Legs(points(&round))));
+        assert_eq!(taken(3, legs), Ok(Task::Legs(points(&from_second))));
+        let visits = TaskKind::Pathfind { places: places(&round) };
+        assert_eq!(taken(1, visits.clone()), Ok(Task::Pathfind(points(&[(0.0, 0.0), (4.0, 4.0)]))));
+        assert_eq!(taken(3, visits), Ok(Task::Pathfind(points(&[(4.0, 0.0), (0.0, 0.0)]))));
+        assert_eq!(taken(3, TaskKind::Forward { distance_mm: 2500 }), Ok(Task::Forward(2.5)));
+        for (kind, expected) in [
+            (TaskKind::Browse, Task::Browse),
+            (TaskKind::Search, Task::Search),
+            (TaskKind::Explore, Task::Explore),
+        ] {
+            assert_eq!(taken(1, kind), Ok(expected));
+        }
+    }
+
+    #[test]
+    fn what_cannot_be_begun_is_refused_with_its_reason() {
+        assert_eq!(taken(2, TaskKind::Explore), Err(MissionRefusal::NoPlace), "it is no member");
+        let out = places(&[(1.0, 1.0), (99.0, 0.0)]);
+        assert_eq!(taken(3, TaskKind::Legs { places: out.clone() }), Err(MissionRefusal::OutsideFence));
+        let visits = TaskKind::Pathfind { places: out };
+        assert_eq!(taken(3, visits.clone()), Err(MissionRefusal::OutsideFence));
+        assert!(taken(1, visits).is_ok(), "the other one's places are not its own");
+        let mut blind = settings(1);
+        blind.look.is_blind = true;
+        let mut assignment = Assignment::by_file(&blind);
+        assignment.hear(&task(3, TaskKind::Browse));
+        assert!(assignment.start(RunId(3)) && assignment.is_own());
+        assert_eq!(assignment.refusal(), Some(MissionRefusal::NotCapable));
+        assert_eq!(assignment.kind(), MissionKind::Browse);
+    }
+
+    #[test]
+    fn a_task_of_an_earlier_run_is_passed_over_and_of_the_present_one_the_newest_counts_at_once() {
+        let mut assignment = Assignment::by_file(&settings(1));
+        assignment.start(RunId(3));
+        assert_eq!(assignment.task(), Ok(&Task::Plan));
+        assert!(!assignment.hear(&task(2, TaskKind::Explore)));
+        assert!(assignment.hear(&task(3, TaskKind::Explore)), "after its start it counts at once");
+        assert!(!assignment.hear(&task(3, TaskKind::Explore)), "and is no news again");
+        assert!(assignment.hear(&task(3, TaskKind::Browse)), "the newest counts");
+        assert!(!assignment.hear(&task(4, TaskKind::Search)));
+        assert_eq!(assignment.task(), Ok(&Task::Browse), "another run is another one's");
+    }
+
+    #[test]
+    fn another_run_begins_anew_and_without_a_task_as_the_file_says() {
+        let by_file = Settings { task: Task::Search, ..settings(1) };
+        let mut assignment = Assignment::by_file(&by_file);
+        assignment.hear(&task(3, TaskKind::Explore));
+        assert!(assignment.start(RunId(2)));
+        assert_eq!(assignment.task(), Ok(&Task::Search));
+        assert!(!assignment.start(RunId(2)), "it goes on");
+        assert!(assignment.start(RunId(3)));
+        assert_eq!((assignment.task(), assignment.run()), (Ok(&Task::Explore), RunId(3)));
+        assert!(assignment.start(RunId(4)));
+        assert_eq!(assignment.task(), Ok(&Task::Search));
+    }
+
+    #[test]
+    fn tasks_to_come_never_push_out_the_present_one() {
+        let mut assignment = Assignment::by_file(&settings(1));
+        assignment.start(RunId(3));
+        for run in 3..3000 {
+            assignment.hear(&task(run, TaskKind::Explore));
+        }
+        assert_eq!((assignment.tasks.len(), assignment.task()), (RUNS_MAX, Ok(&Task::Explore)));
+        assignment.start(RunId(2999));
+        assert_eq!(assignment.task(), Ok(&Task::Explore), "the newest is kept as well");
+    }
+}

@@ -1,0 +1,94 @@
+//! Which run an order belongs to, and what that run is: the present one, the next one, or one that a mission begins.
+
+use tomoswarm_proto::{MissionEnd, MissionKind, Report, RunId, StationPhase, VehicleId};
+
+use super::{LAST_REVISION, Ordering};
+use crate::operator::given_tasks::TaskWish;
+use crate::operator::outcome::VehicleOutcome;
+use crate::time::Time;
+
+impl Ordering {
+    /// Returns the mission that is begun, as the task of its run: once, when it is known who takes part.
+    pub fn task(&mut self, now: Time, is_linked: bool) -> Option<TaskWish> {
+        if is_linked {
+            self.linked.get_or_insert(now);
+        }
+        let mission = self.instruction.mission.clone().filter(|_| !self.is_task_given)?;
+        let knows_all = !self.instruction.vehicles.is_empty() || self.has_listened(now);
+        if self.linked.is_none() || !knows_all || !self.knows_ground(now) || self.refusal(now).is_some() {
+            return None;
+        }
+        let members: Vec<VehicleId> =
+            self.targets(now).into_iter().filter(|id| self.misfit(*id).is_none()).collect();
+        if members.is_empty() {
+            return None;
+        }
+        let run = self.next_run(now);
+        (self.is_task_given, self.run) = (true, Some(run));
+        Some(TaskWish { run, members, compare_with: mission.compare_with, kind: mission.kind })
+    }
+
+    /// Returns whether its mission is still to be given as a task, before anybody is started.
+    pub(super) fn waits_for_task(&self) -> bool {
+        self.instruction.mission.is_some() && !self.is_task_given
+    }
+
+    /// Returns the run of the orders, chosen once: what was started must not count as a run before.
+    pub(super) fn run_of(&mut self, now: Time) -> RunId {
+        if let Some(run) = self.run {
+            return run;
+        }
+        let newest = self.newest_run(now);
+        let report = self.view.ground(now).map(|report| &report.value);
+        let is_idle = report.is_some_and(|report| report.phase == StationPhase::Idle);
+        let is_left_to_vehicles = report.is_some_and(|report| is_open_mission(report, newest));
+        let is_new = self.instruction.begins && is_idle && !is_left_to_vehicles;
+        let run = self.instruction.run.unwrap_or(if is_new { self.next_run(now) } else { newest });
+        self.run = Some(run);
+        run
+    }
+
+    /// Returns the newest run that anybody was started in.
+    fn newest_run(&self, now: Time) -> RunId {
+        let states = self.view.vehicles().filter_map(|(_, seen)| seen.state.as_ref());
+        let driven = states.map(|state| state.value.accepted.0.max(state.value.ordered.run));
+        let report = self.view.ground(now).map(|report| report.value.run);
+        driven.chain(report).max().unwrap_or_default()
+    }
+
+    /// Returns the next run: above all that were started, and above those that were only given as a task.
+    pub(super) fn next_run(&self, now: Time) -> RunId {
+        let report = self.view.ground(now).map(|report| &report.value);
+        let given = report.and_then(|report| report.runs.last()).map(|run| run.run);
+        let newest = self.newest_run(now).max(given.unwrap_or_default());
+        RunId(newest.0.saturating_add(1).min(LAST_REVISION))
+    }
+
+    /// Returns what became of a vehicle that has obeyed the start of a mission, when there is more to say than that.
+    pub(super) fn mission_outcome(&self, id: VehicleId, outcome: VehicleOutcome) -> Option<VehicleOutcome> {
+        let (wish, VehicleOutcome::Obeyed { .. }) = (self.instruction.mission.as_ref()?, outcome) else {
+            return None;
+        };
+        let kind = MissionKind::from(&wish.kind);
+        let said = self.view.vehicle(id).and_then(|seen| seen.mission.as_ref()).map(|said| said.value);
+        let said = said.filter(|said| said.kind == kind);
+        match said {
+            // The ground station makes its plans first.
+            _ if kind == MissionKind::Sweep => None,
+            Some(said) if Some(said.progress.run) == self.run => match said.end {
+                Some(MissionEnd::Refused(why)) => Some(VehicleOutcome::Refused(why)),
+                Some(
+                    MissionEnd::Done | MissionEnd::Stopped | MissionEnd::NoWay(_) | MissionEnd::GaveUp(_),
+                )
+                | None => None,
+            },
+            Some(_) | None => Some(VehicleOutcome::NotOut),
+        }
+    }
+}
+
+/// Returns whether a run was begun, is none that a ground station plans, and has not ended.
+fn is_open_mission(report: &Report, run: RunId) -> bool {
+    let of_run = report.runs.iter().find(|known| known.run == run);
+    of_run.is_some_and(|known| known.kind != MissionKind::Sweep && known.end.is_none())
+}
