@@ -142,6 +142,16 @@ mod tests {
     use super::*;
 
     #[test]
+    fn take_overs_have_names_of_their_own_for_each_vehicle_and_start() {
+        let of = |vehicle, boot| EmergencyName::of_take_over(VehicleId(vehicle), Boot(boot));
+        assert_eq!(of(1, 1), EmergencyName(0x4F37_79B1));
+        let all = (1..=8).flat_map(|vehicle| (1..=200).map(move |boot| of(vehicle, boot)));
+        let all: std::collections::BTreeSet<EmergencyName> = all.collect();
+        assert_eq!(all.len(), 1600);
+        assert!(all.iter().all(|name| !name.is_many()));
+    }
+
+    #[test]
     fn the_name_of_many_stops_is_told_apart() {
         assert_eq!(EmergencyName(0x1_002a).to_string(), "0001002a");
         let many = EmergencyName::many_of(EmergencyName(0x1_002a));

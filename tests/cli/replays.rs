@@ -67,7 +67,7 @@ fn a_recorded_run_replays_identically_and_is_the_same_bytes_again() {
     let desk = recorded();
     let said = replay(&desk, "run/flight");
     assert_eq!((said.code, said.err.as_str()), (0, ""), "{}", said.out);
-    assert_eq!(said.out.lines().count(), 2 * 7 + 4 + 2, "{}", said.out);
+    assert_eq!(said.out.lines().count(), 2 * 8 + 4 + 2, "{}", said.out);
     assert!(said.out.lines().all(|line| line.ends_with(" steps  identical")), "{}", said.out);
     let first = desk.files();
     assert_eq!(desk.run(&RECORD).code, 0);
