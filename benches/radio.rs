@@ -6,6 +6,7 @@
 use std::hint::black_box;
 use std::time::{Duration, Instant};
 
+use tomoswarm::exchange::egress::OutboundFrame;
 use tomoswarm::geom::{Angle, Point};
 use tomoswarm::sim::body::{Body, Limits};
 use tomoswarm::sim::bus::{Bus, BusModel, NodeId};
@@ -98,12 +99,13 @@ fn range() {
 }
 
 fn bus_and_queue() {
-    let message = Message::Mission(Mission::default());
+    let mission = Mission { vehicle: VehicleId(1), ..Mission::default() };
+    let outbound = OutboundFrame::of(&Message::Mission(mission)).expect("a Mission is short");
     let nodes = [1, 2, 3].map(|id| NodeId::Vehicle(VehicleId(id)));
     let mut bus = Bus::new(Noise::new(1), BusModel::default());
     measure("bus: send a Mission to 2, read both", 100_000, |_| {
-        let sent = bus.send(Time::ZERO, nodes[0], &message, &nodes).expect("a Mission is short");
-        sent.iter().for_each(|delivery| drop(black_box(bus.deliver(delivery.to, &delivery.frame))));
+        let sent = bus.send(Time::ZERO, nodes[0], &outbound, &nodes);
+        sent.iter().for_each(|delivery| drop(black_box(delivery.frame.read().clone())));
     });
     let mut queue = EventQueue::new(None);
     (0..1000u64).for_each(|id| queue.push(Time::from_nanos(id), id));

@@ -1,11 +1,14 @@
 //! Orders under faults, in virtual time: 30 % loss, delays, doubling, partitions, restarts of vehicles and of the ground
 //! station, at times with an empty disk, two operators with take-over, one of them at times by a script. And emergency stops
-//! under faults. More seeds: `cargo bench --bench orders -- 2000`, `cargo bench --bench orders -- stops 2000`.
+//! under faults, and joining under faults. More seeds: `cargo bench --bench orders -- 2000`, and with the word `stops` or
+//! `joins` before the number.
 
 #[path = "orders/chance.rs"]
 mod chance;
 #[path = "orders/ground.rs"]
 mod ground;
+#[path = "orders/joins.rs"]
+mod joins;
 #[path = "orders/nodes.rs"]
 mod nodes;
 #[path = "orders/stops.rs"]
@@ -15,6 +18,7 @@ mod tally;
 #[path = "orders/world.rs"]
 mod world;
 
+use joins::{JoinMistake, JoinsTally, play_joins};
 use stops::{StopMistake, StopsTally, play_stops};
 use tally::{Mistake, Tally};
 use world::play;
@@ -24,6 +28,11 @@ const SEEDS: u64 = 100;
 /// Worlds beyond these that have found a mistake, which is mended: starts called obeyed that never came, a ground station
 /// that started what an operator had stopped, and one that ordered below what it was shown.
 const KEPT: [u64; 9] = [185, 227, 276, 457, 899, 1298, 1415, 1753, 1755];
+/// Worlds of joining, which are quick.
+const JOIN_SEEDS: u64 = 300;
+/// Worlds of joining beyond these that have found a mistake, which is mended: two nodes of an id that left for each other, one
+/// of them for what the other had said before it was started anew.
+const KEPT_JOINS: [u64; 1] = [16394];
 /// A planted mistake is noticed within so many worlds.
 const NOTICED_WITHIN: u64 = 100;
 
@@ -126,4 +135,45 @@ fn beacons_that_name_no_stop_are_noticed() {
 #[test]
 fn a_ground_station_that_starts_after_a_lift_is_noticed() {
     is_stop_mistake_noticed(StopMistake::GroundStarts, "without an operator's start");
+}
+
+#[test]
+fn once_the_bus_is_in_order_exactly_one_node_of_an_id_takes_part_and_everybody_who_may() {
+    let mut sum = JoinsTally::default();
+    for seed in (0..JOIN_SEEDS).chain(KEPT_JOINS) {
+        match play_joins(seed, None) {
+            Ok(tally) => sum.add(&tally),
+            Err(wrong) => panic!("{wrong}"),
+        }
+    }
+    let JoinsTally { started, members, left_as_twin, left_as_misfit, .. } = sum;
+    let worlds = JOIN_SEEDS as usize;
+    assert!(started > 6 * worlds && members > 4 * worlds, "{sum:?}");
+    assert!(left_as_twin > worlds / 4 && left_as_misfit > worlds / 10, "{sum:?}");
+}
+
+fn is_join_mistake_noticed(mistake: JoinMistake, by: &str) {
+    let wrong: Vec<String> =
+        (0..NOTICED_WITHIN).filter_map(|seed| play_joins(seed, Some(mistake)).err()).collect();
+    assert!(wrong.iter().any(|wrong| wrong.contains(by)), "{mistake:?}: {wrong:?}");
+}
+
+#[test]
+fn two_nodes_of_an_id_that_both_leave_are_noticed() {
+    is_join_mistake_noticed(JoinMistake::BothLeave, "because of each other");
+}
+
+#[test]
+fn two_nodes_of_an_id_that_both_stay_are_noticed() {
+    is_join_mistake_noticed(JoinMistake::BothStay, "more than once");
+}
+
+#[test]
+fn members_that_do_not_greet_are_noticed() {
+    is_join_mistake_noticed(JoinMistake::MembersSilent, "more than once");
+}
+
+#[test]
+fn a_venue_that_is_not_looked_at_is_noticed() {
+    is_join_mistake_noticed(JoinMistake::VenueNotSeen, "does not fit");
 }

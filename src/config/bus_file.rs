@@ -95,6 +95,14 @@ impl Choice for Topology {
     const WORDS: &'static [(&'static str, Topology)] = &[("mesh", Topology::Mesh), ("star", Topology::Star)];
 }
 
+/// What a node may send, live and simulated.
+pub(super) const EGRESS: Number = Number {
+    name: "egress_kb_per_s",
+    default: 64.0,
+    allowed: 8.0..=100_000.0,
+    means: "the most that a node sends, the same on all nodes: from each of the others four times as much is taken",
+};
+
 /// The table `[bus]` of a node.
 pub(super) struct BusFileTable<'a> {
     pub(super) bus: &'a mut BusFile,
@@ -128,12 +136,7 @@ impl Keyed for BusFileTable<'_> {
         to.form(&mut Endpoints { list: connect, default }, Entry { name: "connect", left_out: "", means });
         let means = "without certificates a node binds and connects to loopback only; this lets it out, and anyone in";
         to.flag(unprotected_network, Flag { name: "unprotected_network", default: false, means });
-        to.number(egress_kb_per_s, Number {
-            name: "egress_kb_per_s",
-            default: 64.0,
-            allowed: 8.0..=100_000.0,
-            means: "the most that a node sends, the same on all nodes: from each of the others four times as much is taken",
-        });
+        to.number(egress_kb_per_s, EGRESS);
         let means = "silence after which a neighbour is taken for gone";
         to.number(lease_s, Number { name: "lease_s", default: 3.0, allowed: 1.0..=30.0, means });
         let means = "in a mesh: nodes tell each other of further ones and join them too; with false only `connect` joins \

@@ -5,6 +5,7 @@ use std::time::Duration;
 use toml::de::DeValue;
 use tomoswarm_proto::{Sender, VehicleId};
 
+use super::bus_file::EGRESS;
 use super::keys::{Bounds, Entry, Form, Keyed, Keys, List, Number, Rowed, written_list};
 use super::section::{Section, whole_of};
 use super::source::Source;
@@ -200,6 +201,8 @@ pub struct Bus {
     pub drop_share: f64,
     /// Share of messages that come twice, 0 to 1.
     pub duplicate_share: f64,
+    /// The most that a node sends, kilobytes (1000 bytes) per second.
+    pub egress_kb_per_s: f64,
     /// Times during which the bus is cut.
     pub partitions: Vec<PlannedPartition>,
 }
@@ -213,6 +216,11 @@ impl Bus {
     /// Returns what is added to the delay at most.
     pub fn jitter(&self) -> Duration {
         Time::from_secs_f64(self.jitter_ms * 1e-3).since(Time::ZERO)
+    }
+
+    /// Returns the most that a node sends, bytes per second.
+    pub fn egress_bytes_per_s(&self) -> u32 {
+        (self.egress_kb_per_s * 1e3) as u32
     }
 
     /// Checks the keys of its partitions together.
@@ -235,7 +243,8 @@ pub(super) struct BusTable<'a> {
 
 impl Keyed for BusTable<'_> {
     fn keys(&mut self, to: &mut dyn Keys) {
-        let Bus { delay_ms, jitter_ms, drop_share, duplicate_share, partitions } = &mut *self.bus;
+        let Bus { delay_ms, jitter_ms, drop_share, duplicate_share, egress_kb_per_s, partitions } =
+            &mut *self.bus;
         let vehicles = self.vehicles;
         let mut number = |value, name, default, allowed, means| {
             to.number(value, Number { name, default, allowed, means });
@@ -246,6 +255,7 @@ impl Keyed for BusTable<'_> {
         number(drop_share, "drop_share", 0.0, 0.0..=0.99, "share of the messages that are lost");
         let means = "share of the messages that come twice";
         number(duplicate_share, "duplicate_share", 0.0, 0.0..=1.0, means);
+        to.number(egress_kb_per_s, EGRESS);
         let keys = |row: &mut PlannedPartition, _, to: &mut dyn Keys| row.keys(vehicles, to);
         let means = "times during which the bus is cut";
         to.rows(&mut List { list: partitions, keys }, Rowed { name: "partition", most: 1000, means });

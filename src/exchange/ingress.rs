@@ -48,6 +48,9 @@ pub enum Refusal {
     /// Its sender has said too much.
     #[error("its sender says too much")]
     OverShare,
+    /// It is not what was sent.
+    #[error("its bytes were damaged on the way")]
+    Damaged,
     /// It is not a message, or an impossible one, or of a version that is not known here.
     #[error("{reason}")]
     Unreadable {
@@ -74,9 +77,10 @@ impl Refusal {
         match self {
             Refusal::NoSender => "a key of no sender",
             Refusal::OverShare => "more than its share of the bus",
-            Refusal::Unreadable { .. } | Refusal::ForeignGreeting { .. } | Refusal::NotItsToSay { .. } => {
-                "a frame"
-            }
+            Refusal::Damaged
+            | Refusal::Unreadable { .. }
+            | Refusal::ForeignGreeting { .. }
+            | Refusal::NotItsToSay { .. } => "a frame",
         }
     }
 

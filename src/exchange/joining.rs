@@ -9,8 +9,10 @@
 //! ```
 //!
 //! A member answers whoever asks and does not fit, so that both sides say why. Who found nobody takes part alone; when it
-//! meets others later, of two of one name the one that has been a member for longer stays. Two ground stations do not
-//! refuse each other: the lease decides between them.
+//! meets others later, of two of one name the one that has been a member for longer stays. Who would have to go for another
+//! one of its name goes only when that one is heard for some time: a greeting may have been long on its way, and the one that
+//! sent it may have left, or be this very node before it was started anew. Two ground stations do not refuse each other: the
+//! lease decides between them.
 
 use std::collections::BTreeMap;
 use std::time::Duration;
@@ -37,8 +39,12 @@ const ANSWERS: u32 = 10;
 const FORGOTTEN: Duration = Duration::from_secs(5);
 /// Members for equally long, as far as can be told from afar.
 const ALIKE_S: u32 = 2;
-/// Who seems to be the elder, but not by enough, leaves only after so long.
+/// Who has to leave for another one of its name has heard that one for so long.
+const CONFIRMS_FOR: Duration = Duration::from_millis(500);
+/// Who seems to be the elder, but not by enough, for so long.
 const HESITATES: Duration = Duration::from_secs(1);
+/// A member of the own name that is not heard for so long is gone: it greets more often.
+const MISSED_AFTER: Duration = Duration::from_millis(2500);
 /// Nodes of the own name that are told apart.
 const TWINS_MAX: usize = 64;
 /// Nodes that do not fit, of each name.
@@ -88,8 +94,10 @@ pub struct Joining {
     owes: bool,
     /// By name: bounded, since names are numbers under 256, of vehicles and of operators, and the ground.
     known: BTreeMap<Sender, Known>,
-    /// When nodes of the own name were heard first, by instance.
-    twins: BTreeMap<u64, Time>,
+    /// Since when nodes of the own name are heard, and when they were heard last, by instance.
+    twins: BTreeMap<u64, (Time, Time)>,
+    /// It does not take part before: another one of its name may do.
+    waits_until: Time,
 }
 
 impl Joining {
@@ -104,6 +112,7 @@ impl Joining {
             owes: false,
             known: BTreeMap::new(),
             twins: BTreeMap::new(),
+            waits_until: now,
         }
     }
 
@@ -125,7 +134,8 @@ impl Joining {
     /// Gives a greeting when one is due; also ends the asking when nobody has objected.
     pub fn greet(&mut self, now: Time) -> Option<Hello> {
         let has_asked = self.met.is_some_and(|met| now.since(met) >= ASKS_FOR);
-        if !self.own.is_member && (has_asked || self.met.is_none() && now.since(self.since) >= ALONE_AFTER) {
+        let is_alone = self.met.is_none() && now.since(self.since) >= ALONE_AFTER;
+        if !self.own.is_member && now >= self.waits_until && (has_asked || is_alone) {
             (self.own.is_member, self.member_since) = (true, now);
             self.greeted = None;
         }
@@ -198,7 +208,12 @@ impl Joining {
         if is_new && self.twins.len() >= TWINS_MAX {
             self.twins.pop_first();
         }
-        let first = *self.twins.entry(theirs.instance).or_insert(now);
+        let (since, last) = self.twins.entry(theirs.instance).or_insert((now, now));
+        if now.since(*last) >= FORGOTTEN {
+            *since = now;
+        }
+        *last = now;
+        let heard_for = now.since(*since);
         let ours_s = self.member_for_s(now);
         let is_lower = self.own.instance < theirs.instance;
         let is_alike = ours_s.abs_diff(theirs.member_for_s) <= ALIKE_S;
@@ -210,11 +225,14 @@ impl Joining {
             (true, true) => (ours_s > theirs.member_for_s, false),
         };
         let name = theirs.node;
-        let waits = hesitates && now.since(first) < HESITATES;
-        if !stays && !waits {
+        let confirms_for = if hesitates { HESITATES } else { CONFIRMS_FOR };
+        if !stays && heard_for >= confirms_for {
             return Verdict::Refused(format!(
                 "{name} is on the bus already: another node runs under this id"
             ));
+        }
+        if !stays {
+            self.waits_until = now + if theirs.is_member { MISSED_AFTER } else { ASKS_FOR };
         }
         self.owes = true;
         if is_new && stays {
@@ -330,19 +348,42 @@ mod tests {
         assert!(joining.greet(at(1.6)).unwrap().is_member);
     }
 
+    /// Hears a node for as long as it takes to believe it.
+    fn hear_for_long(joining: &mut Joining, hello: &Hello) -> Verdict {
+        let first = hear_at(joining, 2.0, hello);
+        match hear_at(joining, 2.5, hello) {
+            Verdict::Fine => first,
+            later => later,
+        }
+    }
+
     #[test]
     fn a_node_linked_late_is_refused_by_the_established_one_of_its_name() {
         let mut late = joining(TWO, 1, false);
         late.greet(at(1.2));
         let member = Hello { is_member: true, member_for_s: 100, ..hello(TWO, 9) };
-        assert!(matches!(hear_at(&mut late, 1.2, &member), Verdict::Refused(_)));
+        assert_eq!(hear_at(&mut late, 1.2, &member), Verdict::Fine, "it may be gone since");
+        late.greet(at(1.6));
+        assert!(!late.is_member(), "nor does it take part");
+        assert!(matches!(hear_at(&mut late, 1.7, &member), Verdict::Refused(_)));
         assert!(!late.is_member());
+    }
+
+    #[test]
+    fn a_greeting_that_was_long_on_its_way_keeps_nobody_out() {
+        let mut anew = joining(TWO, 1, false);
+        let before = Hello { is_member: true, member_for_s: 100, ..hello(TWO, 9) };
+        assert_eq!(hear_at(&mut anew, 0.1, &before), Verdict::Fine);
+        assert!(!anew.greet(at(2.5)).unwrap().is_member, "it may be there");
+        assert!(anew.greet(at(2.61)).unwrap().is_member, "it is gone");
+        // A member that is not heard any more is not one that was heard for long.
+        assert_eq!(hear_at(&mut anew, 60.0, &before), Verdict::Fine);
     }
 
     #[test]
     fn a_name_in_use_is_refused_to_the_newcomer() {
         let member = Hello { is_member: true, ..hello(TWO, 9) };
-        assert!(matches!(hear(&mut joining(TWO, 1, false), &member), Verdict::Refused(_)));
+        assert!(matches!(hear_for_long(&mut joining(TWO, 1, false), &member), Verdict::Refused(_)));
         let mut first = joining(TWO, 1, true);
         assert!(matches!(hear(&mut first, &hello(TWO, 9)), Verdict::Stays(_)));
         assert_eq!(hear(&mut first, &hello(TWO, 9)), Verdict::Fine, "it is said once");
@@ -355,8 +396,8 @@ mod tests {
         for is_member in [false, true] {
             let said = |instance| Hello { is_member, ..hello(TWO, instance) };
             let verdicts = [
-                hear(&mut joining(TWO, 1, is_member), &said(9)),
-                hear(&mut joining(TWO, 9, is_member), &said(1)),
+                hear_for_long(&mut joining(TWO, 1, is_member), &said(9)),
+                hear_for_long(&mut joining(TWO, 9, is_member), &said(1)),
             ];
             assert!(matches!(verdicts, [Verdict::Stays(_), Verdict::Refused(_)]), "{verdicts:?}");
         }
@@ -369,7 +410,8 @@ mod tests {
         let of_elder = Hello { is_member: true, member_for_s: 58, ..hello(TWO, 9) };
         let of_younger = Hello { is_member: true, member_for_s: 18, ..hello(TWO, 1) };
         assert!(matches!(hear_at(&mut elder, 60.0, &of_younger), Verdict::Stays(_)));
-        assert!(matches!(hear_at(&mut younger, 20.0, &of_elder), Verdict::Refused(_)));
+        assert_eq!(hear_at(&mut younger, 20.0, &of_elder), Verdict::Fine);
+        assert!(matches!(hear_at(&mut younger, 20.5, &of_elder), Verdict::Refused(_)));
     }
 
     #[test]

@@ -7,8 +7,13 @@
 //! The exchange is behind one lock, which is held for moments only: frames are written and read outside of it, so that
 //! nobody who has something urgent to say waits while another thread reads a long frame.
 //!
-//! One thread keeps the session: it opens it, opens it anew when nothing was heard for long, and sends what has waited.
+//! Every frame travels with its CRC-32 beside it (zenoh's attachment, 4 bytes, little endian): TCP's own checksum lets damage
+//! through, and what is damaged may read as another message. A frame without one is read as it is.
+//!
+//! One thread keeps the session: it opens it, opens it anew when nothing was heard for long or a thread of the library has
+//! panicked, and sends what has waited.
 
+mod library_panics;
 mod zenoh_config;
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -23,6 +28,7 @@ use zenoh::Wait;
 use zenoh::qos::{CongestionControl, Priority};
 use zenoh::sample::Locality;
 
+use self::library_panics::guarded;
 use super::clock::Clock;
 use super::mailbox::{Troubles, lock};
 use super::subjects;
@@ -42,6 +48,11 @@ const RETRY: Duration = Duration::from_millis(300);
 const DEAF_AFTER: Duration = Duration::from_secs(15);
 /// One in which nobody was ever heard gets this long: it is seeking its neighbours by itself.
 const ALONE_AFTER: Duration = Duration::from_secs(60);
+/// Between two openings because of panics of the library, and how long one is told as a trouble.
+const PANICS_EVERY: Duration = Duration::from_secs(2);
+const PANICS_TOLD_FOR: Duration = Duration::from_secs(60);
+/// Under which name it is told.
+const LIBRARY: &str = "bus library";
 /// The keeper looks at the session this often when there is nothing to send.
 const LOOKS_EVERY: Duration = Duration::from_secs(1);
 /// A session that does not close within this time is left alone.
@@ -107,6 +118,8 @@ pub struct Traffic {
     pub refused: u64,
     /// Frames of kinds that are not known here, dropped.
     pub unknown: u64,
+    /// How often the session was opened anew because a thread of the library had panicked.
+    pub panics: u64,
     /// Frames dropped before they were sent because too much waited, among them batches of samples beyond the second; what
     /// the network drops under congestion is not known.
     pub dropped: u64,
@@ -160,6 +173,10 @@ struct Shared {
     has_heard: AtomicBool,
     sent: AtomicU64,
     sent_bytes: AtomicU64,
+    /// The library has panicked in a call of this session: it is not used any more.
+    is_broken: AtomicBool,
+    /// How often the session was opened anew because of a panic of the library.
+    panics: AtomicU64,
 }
 
 impl Bus {
@@ -192,6 +209,7 @@ impl Bus {
         troubles: Troubles,
         hear: impl Fn(Option<Heard>, Verdict) + Send + Sync + 'static,
     ) -> Result<Bus, BusError> {
+        library_panics::watch();
         let exchange = Exchange::new(settings.egress_bytes_per_s, presence);
         let shared = Arc::new(Shared {
             settings,
@@ -207,6 +225,8 @@ impl Bus {
             has_heard: AtomicBool::new(false),
             sent: AtomicU64::new(0),
             sent_bytes: AtomicU64::new(0),
+            is_broken: AtomicBool::new(false),
+            panics: AtomicU64::new(0),
         });
         // What listens must listen from the beginning; who only connects may find nobody yet.
         if shared.is_hub() {
@@ -298,6 +318,7 @@ impl Mouth {
             refused: counts.refused,
             unknown: counts.unknown,
             dropped: counts.dropped,
+            panics: self.shared.panics.load(Ordering::Relaxed),
         }
     }
 
@@ -305,7 +326,42 @@ impl Mouth {
     pub fn links(&self) -> usize {
         let session = self.shared.session.read().unwrap_or_else(PoisonError::into_inner);
         let Some(session) = &*session else { return 0 };
-        session.info().peers_zid().wait().count() + session.info().routers_zid().wait().count()
+        let count =
+            || session.info().peers_zid().wait().count() + session.info().routers_zid().wait().count();
+        guarded(count).unwrap_or_default()
+    }
+}
+
+/// Which panics of the library the keeper has answered.
+struct PanicsSeen {
+    count: u64,
+    /// When it answered last.
+    answered: Option<Time>,
+}
+
+impl Default for PanicsSeen {
+    /// What was before this session concerns another one.
+    fn default() -> PanicsSeen {
+        PanicsSeen { count: library_panics::count(), answered: None }
+    }
+}
+
+impl PanicsSeen {
+    /// Returns whether the session is to be opened anew, and tells of it for a while.
+    fn look(&mut self, now: Time, troubles: &Troubles) -> bool {
+        let waits_for = |span| self.answered.is_some_and(|at| now.since(at) < span);
+        let count = library_panics::count();
+        if count == self.count || waits_for(PANICS_EVERY) {
+            if self.answered.is_some() && !waits_for(PANICS_TOLD_FOR) {
+                self.answered = None;
+                troubles.clear(LIBRARY);
+            }
+            return false;
+        }
+        (self.count, self.answered) = (count, Some(now));
+        troubles
+            .raise(LIBRARY, format!("a thread of it panicked ({count} so far): the session is opened anew"));
+        true
     }
 }
 
@@ -332,7 +388,8 @@ impl Shared {
             let weak = Arc::downgrade(self);
             let hear = move |sample: zenoh::sample::Sample| {
                 if let Some(shared) = weak.upgrade() {
-                    shared.take(sample.key_expr().as_str(), &sample.payload().to_bytes());
+                    let check = sample.attachment().map(|check| check.to_bytes());
+                    shared.take(sample.key_expr().as_str(), &sample.payload().to_bytes(), check.as_deref());
                 }
             };
             let full = format!("{}/{key}", self.settings.prefix);
@@ -341,6 +398,7 @@ impl Shared {
         }
         self.heard_at.store(self.clock.now().as_nanos(), Ordering::Relaxed);
         self.has_heard.store(false, Ordering::Relaxed);
+        self.is_broken.store(false, Ordering::Relaxed);
         *self.session.write().unwrap_or_else(PoisonError::into_inner) = Some(session);
         Ok(())
     }
@@ -378,6 +436,7 @@ impl Shared {
 
     /// Opens the session anew whenever it is gone or deaf, and sends what has waited.
     fn keep(self: &Arc<Self>) {
+        let mut panics = PanicsSeen::default();
         while !self.is_closing.load(Ordering::Relaxed) {
             if !self.has_session() {
                 if let Err(error) = self.open_session() {
@@ -388,6 +447,10 @@ impl Shared {
                 self.troubles.clear("bus");
             } else if self.is_deaf() {
                 tracing::info!("nothing heard on the bus: its session is opened anew");
+                self.close_session();
+                continue;
+            } else if panics.look(self.clock.now(), &self.troubles) {
+                self.panics.fetch_add(1, Ordering::Relaxed);
                 self.close_session();
                 continue;
             }
@@ -446,7 +509,9 @@ impl Shared {
 
     fn send(&self, frame: OutboundFrame) {
         let session = self.session.read().unwrap_or_else(PoisonError::into_inner);
-        let Some(session) = &*session else { return };
+        let Some(session) = session.as_ref().filter(|_| !self.is_broken.load(Ordering::Relaxed)) else {
+            return;
+        };
         self.sent.fetch_add(1, Ordering::Relaxed);
         self.sent_bytes.fetch_add(frame.frame.len() as u64, Ordering::Relaxed);
         let (priority, is_express) = match frame.class {
@@ -457,21 +522,31 @@ impl Shared {
         };
         let key =
             format!("{}/{}", self.settings.prefix, Key { sender: self.settings.node, topic: frame.topic });
-        let put = session.put(&key, frame.frame).congestion_control(CongestionControl::Drop);
-        if let Err(error) = put.priority(priority).express(is_express).wait() {
-            tracing::debug!("not published under {key}: {error}");
+        let check = crc32fast::hash(&frame.frame).to_le_bytes();
+        let put = || {
+            let put = session.put(&key, frame.frame).attachment(check);
+            put.congestion_control(CongestionControl::Drop).priority(priority).express(is_express).wait()
+        };
+        match guarded(put) {
+            Some(Ok(())) => {}
+            Some(Err(error)) => tracing::debug!("not published under {key}: {error}"),
+            None => {
+                self.is_broken.store(true, Ordering::Relaxed);
+                self.more.notify_one();
+            }
         }
     }
 
     /// Lets the exchange judge what came, and the node hear it. The exchange is not locked while the frame is read.
-    fn take(&self, full_key: &str, bytes: &[u8]) {
+    fn take(&self, full_key: &str, bytes: &[u8], check: Option<&[u8]>) {
         let now = self.clock.now();
         let key = full_key.strip_prefix(&self.settings.prefix).and_then(|key| key.strip_prefix('/'));
         let Some((key, sender)) = key.and_then(|key| Some((key, Key::sender(key)?))) else {
             return self.refuse(None, full_key, &Refusal::NoSender);
         };
         let admitted = lock(&self.exchange).admit(now, sender, bytes.len());
-        let heard = admitted.and_then(|()| read(sender, bytes)).and_then(|heard| under_its_key(heard, key));
+        let whole = admitted.and_then(|()| whole(bytes, check));
+        let heard = whole.and_then(|()| read(sender, bytes)).and_then(|heard| under_its_key(heard, key));
         let heard = match heard {
             Ok(heard) => heard,
             Err(refusal) => return self.refuse(Some(sender), key, &refusal),
@@ -491,6 +566,14 @@ impl Shared {
                 (refusal.what(), sender.map_or("somebody".to_owned(), |sender| sender.to_string()));
             tracing::warn!("refused {what} of {who} ({count} so far): {refusal} (under {key})");
         }
+    }
+}
+
+/// Lets a frame pass that is what was sent, as far as it says so.
+fn whole(bytes: &[u8], check: Option<&[u8]>) -> Result<(), Refusal> {
+    match check.is_none_or(|check| check == crc32fast::hash(bytes).to_le_bytes()) {
+        true => Ok(()),
+        false => Err(Refusal::Damaged),
     }
 }
 

@@ -1,18 +1,19 @@
-//! The bus between nodes, in memory: every message is encoded once and decoded once, whoever receives it, so that what
-//! cannot travel does not. It delays, drops, doubles, reorders and
+//! The bus between nodes, in memory: every frame is read once, whoever receives it. It delays, drops, doubles, reorders and
 //! partitions by noise keyed by sender, count and receiver; nobody's traffic changes another's luck.
 //!
-//! It stores nothing: what is not delivered is gone. The caller hands the frames over in time.
+//! It stores nothing: what is not delivered is gone. The caller hands the frames over in time, each to its receiver's
+//! [`crate::exchange::Exchange`], which judges it.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::time::Duration;
 
-use tomoswarm_proto::codec::{DecodeError, Decoded, EncodeError, decode, encode};
-use tomoswarm_proto::{About, Interest, Message, OperatorId, Topic, VehicleId};
+use tomoswarm_proto::{About, Interest, Kind, OperatorId, Topic, VehicleId};
 
 use super::noise::{Noise, Purpose};
 use crate::config::Partition;
+use crate::exchange::egress::OutboundFrame;
+use crate::exchange::ingress::{Heard, Refusal, read};
 use crate::exchange::table::{Vehicles, interest, row};
 use crate::time::Time;
 
@@ -50,27 +51,19 @@ impl Default for BusModel {
     }
 }
 
-/// A message as it travels: what its receivers read, with the length of its bytes.
+/// A frame as it travels: what its receivers read, with the length of its bytes.
 #[derive(PartialEq, Debug)]
 pub struct Frame {
     sender: NodeId,
     bytes: usize,
-    /// What decoding the bytes gave; the same for every receiver.
-    read: Result<Decoded, DecodeError>,
+    /// What reading the bytes gave; the same for every receiver.
+    read: Result<Heard, Refusal>,
 }
 
 impl Frame {
-    /// Encodes a message, and reads it again as its receivers will.
-    ///
-    /// # Errors
-    /// The message is too long for a frame.
-    pub fn new(sender: NodeId, message: &Message) -> Result<Frame, EncodeError> {
-        Ok(Frame::of_bytes(sender, &encode(message)?))
-    }
-
-    /// Reads bytes as its receivers will, whatever they hold.
+    /// Reads bytes as their receivers will, whatever they hold.
     pub fn of_bytes(sender: NodeId, bytes: &[u8]) -> Frame {
-        Frame { sender, bytes: bytes.len(), read: decode(bytes) }
+        Frame { sender, bytes: bytes.len(), read: read(sender, bytes) }
     }
 
     /// Returns who said it.
@@ -82,6 +75,14 @@ impl Frame {
     pub fn bytes(&self) -> usize {
         self.bytes
     }
+
+    /// Returns what its receivers read.
+    ///
+    /// # Errors
+    /// They refuse it.
+    pub fn read(&self) -> &Result<Heard, Refusal> {
+        &self.read
+    }
 }
 
 /// A frame that reaches a node.
@@ -91,7 +92,7 @@ pub struct Delivery {
     pub at: Time,
     /// Whom.
     pub to: NodeId,
-    /// What arrives, for [`Bus::deliver`].
+    /// What arrives.
     pub frame: Arc<Frame>,
 }
 
@@ -108,8 +109,6 @@ pub struct Traffic {
     pub delivered_bytes: u64,
     /// Messages for it that were dropped or cut off.
     pub lost_messages: u64,
-    /// Deliveries to it of kinds that are not known, which nobody was told of.
-    pub unknown_messages: u64,
 }
 
 /// Bytes sent, by the word of the message's kind.
@@ -130,25 +129,21 @@ impl Bus {
         Bus { noise, model, traffic: BTreeMap::new(), sent_by_kind: BTreeMap::new() }
     }
 
-    /// Sends a message to receivers (the sender among them is passed over) and gives what arrives.
-    ///
-    /// # Errors
-    /// The message is too long for a frame; nothing is sent.
+    /// Sends a frame to receivers (the sender among them is passed over) and returns what arrives.
     pub fn send(
         &mut self,
         now: Time,
         sender: NodeId,
-        message: &Message,
+        outbound: &OutboundFrame,
         receivers: &[NodeId],
-    ) -> Result<Vec<Delivery>, EncodeError> {
-        let frame = Frame::new(sender, message)?;
-        let bytes = frame.bytes() as u64;
-        *self.sent_by_kind.entry(sender).or_default().entry(message.word()).or_default() += bytes;
-        Ok(self.carry(now, frame, receivers))
+    ) -> Vec<Delivery> {
+        let frame = Frame::of_bytes(sender, &outbound.frame);
+        let of_sender = self.sent_by_kind.entry(sender).or_default();
+        *of_sender.entry(outbound.topic.kind.word()).or_default() += frame.bytes() as u64;
+        self.carry(now, frame, receivers)
     }
 
-    /// Carries a frame to receivers as [`Bus::send`] does.
-    pub fn carry(&mut self, now: Time, frame: Frame, receivers: &[NodeId]) -> Vec<Delivery> {
+    fn carry(&mut self, now: Time, frame: Frame, receivers: &[NodeId]) -> Vec<Delivery> {
         let (sender, bytes, frame) = (frame.sender, frame.bytes() as u64, Arc::new(frame));
         let traffic = self.traffic.entry(sender).or_default();
         let count = traffic.sent_messages;
@@ -167,21 +162,6 @@ impl Bus {
             }));
         }
         deliveries
-    }
-
-    /// Reads a frame that was delivered to a node; `None` when it is of a kind that is not known: that is counted, and
-    /// nothing else comes of it.
-    ///
-    /// # Errors
-    /// The frame holds values that no message may have.
-    pub fn deliver<'a>(&mut self, to: NodeId, frame: &'a Frame) -> Result<Option<Message>, &'a DecodeError> {
-        match frame.read.as_ref()? {
-            Decoded::Message(message) => Ok(Some(message.clone())),
-            Decoded::Unknown(_) => {
-                self.traffic.entry(to).or_default().unknown_messages += 1;
-                Ok(None)
-            }
-        }
     }
 
     /// Returns whether two nodes hear each other at a moment. Operators sit beside the ground station: what cuts off the one
@@ -219,11 +199,11 @@ impl Bus {
 /// Returns who of the operators hears what a sender says; each is named with what it is interested in.
 pub fn operators_that_hear<'a>(
     sender: NodeId,
-    message: &Message,
+    kind: Kind,
     operators: impl Iterator<Item = (OperatorId, &'a [Interest])>,
 ) -> Vec<NodeId> {
-    let is_told = row(message.kind()).audience(sender).is_some_and(|audience| audience.operators);
-    let of = interest(message.kind());
+    let is_told = row(kind).audience(sender).is_some_and(|audience| audience.operators);
+    let of = interest(kind);
     let hears = |(_, wanted): &(OperatorId, &[Interest])| of.is_none_or(|of| wanted.contains(&of));
     operators.filter(|operator| is_told && hears(operator)).map(|(id, _)| NodeId::Operator(id)).collect()
 }
@@ -237,12 +217,7 @@ fn place_of(node: NodeId) -> NodeId {
 
 /// Returns which vehicles and ground station hear what a sender says, in a swarm of these vehicles and a ground station:
 /// the vehicles first, in the order that is given.
-pub fn receivers(
-    sender: NodeId,
-    message: &Message,
-    vehicles: impl Iterator<Item = VehicleId>,
-) -> Vec<NodeId> {
-    let topic = Topic::of(message);
+pub fn receivers(sender: NodeId, topic: Topic, vehicles: impl Iterator<Item = VehicleId>) -> Vec<NodeId> {
     let Some(audience) = row(topic.kind).audience(sender) else { return Vec::new() };
     let ground = audience.ground.then_some(NodeId::Ground);
     match (audience.vehicles, topic.about) {
@@ -272,7 +247,7 @@ mod tests {
     use super::*;
     use crate::exchange::examples::examples;
     use crate::exchange::table::may_say;
-    use tomoswarm_proto::{Kind, Mission, Progress, RunId, TileAddress, Want};
+    use tomoswarm_proto::{Message, Mission, Progress, RunId};
 
     const A: NodeId = NodeId::Vehicle(VehicleId(1));
     const B: NodeId = NodeId::Vehicle(VehicleId(2));
@@ -283,18 +258,24 @@ mod tests {
         Message::Mission(Mission { vehicle: VehicleId(1), progress, ..Mission::default() })
     }
 
+    /// What a node says: that of a vehicle in its own name.
+    fn outbound(run: u32) -> OutboundFrame {
+        OutboundFrame::of(&message(run)).unwrap()
+    }
+
     fn send_many(model: BusModel, count: u32) -> (Bus, Vec<Delivery>) {
         let mut bus = Bus::new(Noise::new(1), model);
-        let sent = (0..count).flat_map(|run| bus.send(Time::ZERO, A, &message(run), &ALL).unwrap()).collect();
+        let sent = (0..count).flat_map(|run| bus.send(Time::ZERO, A, &outbound(run), &ALL)).collect();
         (bus, sent)
     }
 
     #[test]
     fn everybody_but_the_sender_reads_what_was_sent_within_the_delay() {
-        let (mut bus, sent) = send_many(BusModel::default(), 200);
+        let (_, sent) = send_many(BusModel::default(), 200);
         for (index, delivery) in sent.iter().enumerate() {
             assert_eq!(delivery.to, [NodeId::Ground, B][index % 2]);
-            assert_eq!(bus.deliver(delivery.to, &delivery.frame), Ok(Some(message(index as u32 / 2))));
+            let read = Ok(Heard::Message(A, message(index as u32 / 2)));
+            assert_eq!(*delivery.frame.read(), read);
             let bounds = Duration::from_millis(5)..=Duration::from_millis(15);
             assert!(bounds.contains(&delivery.at.since(Time::ZERO)));
         }
@@ -342,7 +323,7 @@ mod tests {
         assert!(!joined(1.0, A, B) && !joined(1.5, NodeId::Ground, A));
         assert!(joined(1.5, NodeId::Ground, B));
         let mut bus = bus;
-        let sent = bus.send(from, B, &message(1), &ALL).unwrap();
+        let sent = bus.send(from, B, &outbound(1), &ALL);
         assert_eq!(sent.iter().map(|delivery| delivery.to).collect::<Vec<_>>(), [NodeId::Ground]);
         assert_eq!(bus.traffic()[&A].lost_messages, 1);
     }
@@ -354,8 +335,8 @@ mod tests {
         let mut bus = Bus::new(Noise::new(1), model);
         let mut among_others = Vec::new();
         for run in 0..100 {
-            bus.send(Time::ZERO, B, &message(run), &ALL).unwrap();
-            among_others.extend(bus.send(Time::ZERO, A, &message(run), &[B, NodeId::Ground]).unwrap());
+            bus.send(Time::ZERO, B, &outbound(run), &ALL);
+            among_others.extend(bus.send(Time::ZERO, A, &outbound(run), &[B, NodeId::Ground]));
         }
         let sorted = |mut deliveries: Vec<Delivery>| {
             deliveries.sort_by_key(|delivery| (delivery.at, delivery.to));
@@ -389,24 +370,11 @@ mod tests {
                 let others = |nodes: Vec<NodeId>| -> Vec<NodeId> {
                     nodes.into_iter().filter(|node| *node != sender).collect()
                 };
-                let heard_by = receivers(sender, &message, [VehicleId(1), VehicleId(2)].into_iter());
+                let heard_by =
+                    receivers(sender, Topic::of(&message), [VehicleId(1), VehicleId(2)].into_iter());
                 assert_eq!(others(heard_by), others(subscribers(&message)), "{word} of {sender}");
             }
         }
-    }
-
-    #[test]
-    fn a_message_of_an_unknown_kind_is_carried_counted_and_told_to_nobody() {
-        let mut bus = Bus::new(Noise::new(1), BusModel::default());
-        let mut bytes = encode(&message(1)).unwrap();
-        bytes[3] = Kind::ALL.len() as u8;
-        let sent = bus.carry(Time::ZERO, Frame::of_bytes(A, &bytes), &ALL);
-        assert_eq!(sent.len(), 2);
-        for delivery in sent {
-            assert_eq!(bus.deliver(delivery.to, &delivery.frame), Ok(None));
-        }
-        let unknown = |node| bus.traffic()[&node].unknown_messages;
-        assert_eq!((unknown(NodeId::Ground), unknown(A), unknown(B)), (1, 0, 1));
     }
 
     #[test]
@@ -416,7 +384,7 @@ mod tests {
         let mut heard: BTreeMap<NodeId, Vec<Kind>> = BTreeMap::new();
         for (_, message) in examples() {
             for sender in ALL.into_iter().filter(|sender| may_say(*sender, &message)) {
-                for to in operators_that_hear(sender, &message, operators.into_iter()) {
+                for to in operators_that_hear(sender, message.kind(), operators.into_iter()) {
                     heard.entry(to).or_default().push(message.kind());
                 }
             }
@@ -444,14 +412,10 @@ mod tests {
     }
 
     #[test]
-    fn what_no_message_may_hold_is_refused_on_either_side() {
+    fn what_its_sender_may_not_say_is_carried_and_read_as_a_refusal() {
         let mut bus = Bus::new(Noise::new(1), BusModel::default());
-        let want = |tiles| {
-            let known = vec![(TileAddress { slice: -1, x: 1 << 20, y: 1 << 20 }, 1 << 20); tiles];
-            Message::Want(Want { layer: Default::default(), known })
-        };
-        assert!(bus.send(Time::ZERO, A, &want(100_000), &ALL).is_err());
-        let sent = bus.send(Time::ZERO, A, &want(4097), &ALL).unwrap();
-        assert!(bus.deliver(sent[0].to, &sent[0].frame).is_err());
+        let sent = bus.send(Time::ZERO, B, &outbound(1), &ALL);
+        assert_eq!(sent.len(), 2);
+        assert_eq!(*sent[0].frame.read(), Err(Refusal::NotItsToSay { sender: B }));
     }
 }

@@ -7,6 +7,7 @@
 //!     └───────────── environment, bus ◄──────────────────────────────────────────────────────────────┘
 //! ```
 
+mod exchanges;
 mod failing;
 mod journal;
 mod operators;
@@ -20,11 +21,12 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use tomoswarm_proto::codec::{self, Decoded};
-use tomoswarm_proto::{Message, VehicleId};
+use tomoswarm_proto::{Boot, Hello, Message, VehicleId};
 
+use self::exchanges::NodeExchange;
 pub(super) use self::operators::SimulatedOperator;
 pub(super) use self::recorded::Recording;
-use super::bus::{Bus, Frame, NodeId, operators_that_hear, receivers};
+use super::bus::{Bus, Frame, NodeId};
 use super::disk::Disk;
 use super::environment::{DeviceCommand, Environment, WorldEvent};
 use super::faults::{Faults, Turn};
@@ -52,6 +54,11 @@ enum Event {
         node: usize,
         generation: u64,
     },
+    /// A node's exchange has something to send, or must decide whether it takes part.
+    Exchange {
+        index: usize,
+        generation: u64,
+    },
     /// Something is to happen in the environment.
     Environment,
     Deliver {
@@ -68,7 +75,7 @@ impl Event {
     fn is_of_operator(&self, vehicles: usize) -> bool {
         match self {
             Event::OperatorsBegin | Event::Deliver { to: NodeId::Operator(_), .. } => true,
-            Event::Wake { node, .. } => *node > vehicles,
+            Event::Wake { node, .. } | Event::Exchange { index: node, .. } => *node > vehicles,
             Event::Environment | Event::Fault(_) => false,
             Event::Deliver { to: NodeId::Ground | NodeId::Vehicle(_), .. } => false,
         }
@@ -76,7 +83,7 @@ impl Event {
 }
 
 /// A node's alarm; a generation tells which of the queued wakes counts.
-#[derive(Clone, Copy, Default)]
+#[derive(Clone, Copy, Default, Debug)]
 struct Alarm {
     at: Option<Time>,
     generation: u64,
@@ -100,6 +107,10 @@ pub(super) struct Parts {
     pub noise: Noise,
     pub environment: Environment,
     pub bus: Bus,
+    /// How the vehicles greet, in their order, and then the ground station.
+    pub greetings: Vec<Hello>,
+    /// What every node may send.
+    pub egress_bytes_per_s: u32,
     pub vehicles: Vec<VehicleNode>,
     /// What each of them was told, to be told again when it restarts.
     pub settings: Vec<node::Settings>,
@@ -118,9 +129,13 @@ pub(super) struct Parts {
 /// The kernel of one run.
 pub(super) struct Kernel {
     now: Time,
+    noise: Noise,
     queue: EventQueue<Event>,
     environment: Environment,
     bus: Bus,
+    /// By the same numbers as alarms.
+    exchanges: Vec<NodeExchange>,
+    egress_bytes_per_s: u32,
     vehicles: Vec<VehicleNode>,
     settings: Vec<node::Settings>,
     faults: Faults,
@@ -146,11 +161,19 @@ impl Kernel {
         let count = parts.vehicles.len();
         let ties = parts.shuffle_ties.then_some(parts.noise);
         let ids: Vec<VehicleId> = parts.vehicles.iter().map(VehicleNode::id).collect();
+        let egress_bytes_per_s = parts.egress_bytes_per_s;
+        let operators = parts.operators.iter();
+        let operators = operators
+            .map(|operator| NodeExchange::listening(NodeId::Operator(operator.id), egress_bytes_per_s));
+        let exchanges = parts.greetings.into_iter().map(NodeExchange::greeting).chain(operators).collect();
         let mut kernel = Kernel {
             now: Time::ZERO,
+            noise: parts.noise,
             queue: EventQueue::new(ties),
             environment: parts.environment,
             bus: parts.bus,
+            exchanges,
+            egress_bytes_per_s,
             vehicles: parts.vehicles,
             settings: parts.settings,
             faults: parts.faults,
@@ -184,6 +207,9 @@ impl Kernel {
         }
         if !self.operators.is_empty() {
             self.queue.push(Time::ZERO, Event::OperatorsBegin);
+        }
+        for index in 0..=self.vehicles.len() {
+            self.join(index, self.vehicles.get(index).map_or(Boot(1), VehicleNode::boot));
         }
         for node in 0..self.alarms.len() {
             self.set_alarm(node);
@@ -259,6 +285,10 @@ impl Kernel {
     fn happen(&mut self, event: Event) -> Result<(), Fault> {
         match event {
             Event::Wake { node, generation } => self.wake(node, generation),
+            Event::Exchange { index, generation } => {
+                self.wake_exchange(index, generation);
+                Ok(())
+            }
             Event::Environment => self.wake_environment(),
             Event::Deliver { to, frame } => self.deliver(to, &frame),
             Event::Fault(turn) => {
@@ -347,9 +377,7 @@ impl Kernel {
             node::Effect::Ping(_) | node::Effect::Transmit(_) if self.ended.is_some() => {}
             node::Effect::Ping(ping) => return self.command(vehicle, DeviceCommand::Ping(ping)),
             node::Effect::Transmit(beacon) => return self.command(vehicle, DeviceCommand::Transmit(beacon)),
-            node::Effect::Publish(message) => {
-                self.publish(NodeId::Vehicle(self.vehicles[vehicle].id()), &message);
-            }
+            node::Effect::Publish(message) => self.publish(vehicle, &message),
             node::Effect::Note(note) => self.note(vehicle, &note),
             node::Effect::Keep(run, sample) => {
                 let boot = self.vehicles[vehicle].boot();
@@ -443,36 +471,33 @@ impl Kernel {
         Ok(())
     }
 
-    fn publish(&mut self, sender: NodeId, message: &Message) {
-        let operators = self.operators.iter().map(|operator| (operator.id, &operator.interest[..]));
-        let operators = operators_that_hear(sender, message, operators);
-        let mut receivers = receivers(sender, message, self.vehicles.iter().map(VehicleNode::id));
-        receivers.extend(operators);
-        // A message too long for a frame is dropped here as a live bus would drop it.
-        let Ok(deliveries) = self.bus.send(self.now, sender, message, &receivers) else { return };
-        for delivery in deliveries {
-            self.queue.push(delivery.at, Event::Deliver { to: delivery.to, frame: delivery.frame });
+    fn deliver(&mut self, to: NodeId, frame: &Frame) -> Result<(), Fault> {
+        let Some(index) = self.number_of(to) else { return Ok(()) };
+        let Some(heard) = self.hear_frame(index, frame)? else { return Ok(()) };
+        self.record.counts.messages += u64::from(!matches!(to, NodeId::Operator(_)));
+        match (to, heard) {
+            (NodeId::Operator(id), heard) => self.deliver_to_operator(id, heard),
+            (NodeId::Ground, Heard::Message(sender, message)) => {
+                self.tell_ground(ground::Event::Bus(sender, message))
+            }
+            (NodeId::Vehicle(_), Heard::Message(sender, message)) => {
+                self.tell(index, node::Event::Bus(sender, message))
+            }
+            // Of greetings nodes are told the message.
+            (NodeId::Ground | NodeId::Vehicle(_), Heard::Greeting(..) | Heard::Unknown(_)) => Ok(()),
         }
     }
 
-    fn deliver(&mut self, to: NodeId, frame: &Frame) -> Result<(), Fault> {
-        let message = match self.bus.deliver(to, frame) {
-            Ok(Some(message)) => message,
-            Ok(None) => return Ok(()),
-            Err(error) => {
-                self.log("bus", format_args!("a frame was refused: {error}"));
-                return Ok(());
+    /// Returns the number by which a node is known here; `None` = it takes no part in this run.
+    fn number_of(&self, node: NodeId) -> Option<usize> {
+        let vehicles = self.vehicles.len();
+        match node {
+            NodeId::Vehicle(id) => self.index_of(id),
+            NodeId::Ground => Some(vehicles),
+            NodeId::Operator(id) => {
+                let place = self.operators.iter().position(|operator| operator.id == id);
+                place.map(|place| vehicles + 1 + place)
             }
-        };
-        let sender = frame.sender();
-        self.record.counts.messages += u64::from(!matches!(to, NodeId::Operator(_)));
-        match to {
-            NodeId::Ground => self.tell_ground(ground::Event::Bus(sender, message)),
-            NodeId::Operator(id) => self.deliver_to_operator(id, Heard::of(sender, message)),
-            NodeId::Vehicle(id) => match self.index_of(id) {
-                Some(vehicle) => self.tell(vehicle, node::Event::Bus(sender, message)),
-                None => Ok(()),
-            },
         }
     }
 
@@ -506,7 +531,7 @@ impl Kernel {
         let mut effects = std::mem::take(&mut self.ground_effects);
         for effect in effects.drain(..) {
             match effect {
-                ground::Effect::Publish(message) => self.publish(NodeId::Ground, &message),
+                ground::Effect::Publish(message) => self.publish(self.vehicles.len(), &message),
                 ground::Effect::Picture(picture) => self.record.picture(self.now, picture),
                 // A simulated ground station has no store, and is never started anew from its memory.
                 ground::Effect::Remember(_) | ground::Effect::BeginRun { .. } | ground::Effect::EndRun(_) => {

@@ -39,6 +39,8 @@ pub enum Purpose {
     Glitch,
     /// How far away a glitch seems to be.
     GlitchRange,
+    /// By what a node is told from another one of its name.
+    Instance,
 }
 
 /// The noise of one seed.

@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use tomoswarm_proto::{Boot, Lease, VehicleId};
+use tomoswarm_proto::{Boot, Hello, Lease, Sender, VehicleId};
 
 use super::autopilot::Kind;
 use super::body::Limits;
@@ -21,7 +21,7 @@ use super::shown::Shown;
 use super::staging;
 use super::world::{Build, Flying, GROUND_CLEARANCE_M, Stage, World};
 use crate::actor::Fault;
-use crate::config::{self, Craft, Expect, PlannedFault, PlannedPartition, Sim};
+use crate::config::{self, Craft, Drivers, Expect, PlannedFault, PlannedPartition, Sim};
 use crate::geom::Point;
 use crate::ground::imager::Subject;
 use crate::ground::planner::Method;
@@ -263,6 +263,8 @@ impl Scenario {
             noise,
             environment,
             bus: Bus::new(noise, self.bus()),
+            greetings: self.greetings(),
+            egress_bytes_per_s: sim.bus.egress_bytes_per_s(),
             vehicles: settings.iter().map(VehicleNode::new).collect(),
             settings,
             faults: faults(sim),
@@ -274,6 +276,31 @@ impl Scenario {
             ends_at_contact: self.ends_at_contact,
             shown_every: self.shown_every,
         })
+    }
+
+    /// Returns how the vehicles greet, and then the ground station; who is started says with which boot and instance.
+    fn greetings(&self) -> Vec<Hello> {
+        let vehicles = self.sim.vehicle_ids().map(|id| {
+            let capabilities = Drivers::SIMULATED.capabilities();
+            Hello { capabilities, ..self.greeting(Sender::Vehicle(id)) }
+        });
+        vehicles.chain([self.greeting(Sender::Ground)]).collect()
+    }
+
+    fn greeting(&self, node: Sender) -> Hello {
+        Hello {
+            node,
+            boot: Boot(1),
+            venue_hash: self.sim.venue.hash(),
+            instance: 0,
+            is_member: false,
+            member_for_s: 0,
+            name: String::new(),
+            software: env!("CARGO_PKG_VERSION").to_owned(),
+            capabilities: Vec::new(),
+            lease: None,
+            interest: Vec::new(),
+        }
     }
 
     /// Makes the environment as a run begins, with all vehicles at home; where a sweep comes first, the persons wait

@@ -1,11 +1,15 @@
 //! Links that end, or through which nothing goes any more.
 
 use std::collections::BTreeMap;
+use std::net::SocketAddr;
 use std::time::Duration;
 
-use tomoswarm_proto::{LayerId, Sender};
+use tomoswarm::run::bus::{BusSettings, Heard, Topology};
+use tomoswarm_proto::{LayerId, Message, Sender};
 
-use crate::swarm::{GROUND, Size, Swarm, Watch, vehicle};
+use crate::member::{Member, progress, within};
+use crate::relay::Relay;
+use crate::swarm::{GROUND, Size, Swarm, Watch, free_address, vehicle};
 
 /// How long a partition lasts.
 const APART: Duration = Duration::from_secs(30);
@@ -88,4 +92,72 @@ fn a_slow_and_late_bus_is_enough_for_a_sweep() {
     swarm.begin();
     swarm.finish();
     assert!(swarm.relays().all(|relay| relay.carried() > 10_000));
+}
+
+#[test]
+fn damaged_bytes_on_every_link_for_20_s_stop_nobody_for_good() {
+    let mut swarm = Swarm::start(Size { vehicles: 2, laps: 1, relayed: true });
+    swarm.begin();
+    swarm.until_samples(20);
+    swarm.note("bytes are damaged");
+    swarm.relays().for_each(|relay| relay.damage(Some(1500)));
+    std::thread::sleep(Duration::from_secs(20));
+    swarm.relays().for_each(|relay| relay.damage(None));
+    let damaged: u64 = swarm.relays().map(|relay| relay.damaged()).sum();
+    swarm.note(&format!("links are in order again, after {damaged} damaged bytes"));
+    assert!(damaged > 20);
+    swarm.finish_after_damage();
+}
+
+#[test]
+fn a_panic_of_the_bus_library_is_counted_and_its_session_opened_anew() {
+    let (hub, other) = (free_address(), free_address());
+    let relay = Relay::start(hub);
+    let of = |node, listen: SocketAddr, connect: Vec<String>| BusSettings {
+        node,
+        prefix: "tomoswarm/courtyard".to_owned(),
+        topology: Topology::Mesh,
+        listen: vec![format!("tcp/{listen}")],
+        connect,
+        trust: None,
+        lease: Duration::from_secs(3),
+        egress_bytes_per_s: 1_000_000,
+        gossip: false,
+    };
+    let ground = Member::join(of(GROUND, hub, vec![]));
+    let one = Member::join(of(vehicle(1), other, vec![format!("tcp/{}", relay.address())]));
+    let mut run = 0;
+    let mut say = || {
+        run += 1;
+        one.mouth.publish(&progress(1, run));
+        std::thread::sleep(Duration::from_millis(1));
+    };
+    assert!(within(Duration::from_secs(10), || {
+        say();
+        ground.heard_count() > 0
+    }));
+    // Names of keys are sent anew with every connection; one of them becomes impossible.
+    relay.rewrite(Some((b"/*/hello", b".*/hello")));
+    relay.cut();
+    relay.restore();
+    let panics = || ground.mouth.traffic().panics + one.mouth.traffic().panics;
+    assert!(within(Duration::from_secs(20), || panics() > 0), "{} pieces were changed", relay.damaged());
+    relay.rewrite(None);
+    relay.cut();
+    relay.restore();
+    let heard_before = ground.heard_count();
+    let hears_again = || {
+        say();
+        ground.heard_count() > heard_before + 100
+    };
+    assert!(within(Duration::from_secs(30), hears_again), "after {} panics nothing is heard", panics());
+    let is_known = |heard: &Heard| matches!(heard, Heard::Message(_, message) if *message == progress(1, run_of(message)));
+    assert!(ground.heard_of(vehicle(1)).iter().all(is_known), "what was damaged is not heard");
+}
+
+fn run_of(message: &Message) -> u32 {
+    match message {
+        Message::Mission(mission) => mission.progress.run.0,
+        other => panic!("{other:?}"),
+    }
 }

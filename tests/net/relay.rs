@@ -1,4 +1,4 @@
-//! A TCP relay with a rate, a delay, a cut and a freeze, so that links are shaped without root. It knows nothing of what
+//! A TCP relay with a rate, a delay, a cut, a freeze and damage, so that links are shaped without root. It knows nothing of what
 //! it carries.
 //!
 //! ```text
@@ -39,6 +39,10 @@ struct Shape {
     way: Way,
     bytes_per_s: Option<f64>,
     delay: Duration,
+    /// One byte of so many is another one, on the average.
+    damages_one_of: Option<u64>,
+    /// These bytes become those.
+    rewrites: Option<(&'static [u8], &'static [u8])>,
 }
 
 #[derive(Default)]
@@ -47,6 +51,7 @@ struct Line {
     /// Counts the cuts: a connection of before a cut never goes on.
     cuts: AtomicU64,
     carried: AtomicU64,
+    damaged: AtomicU64,
     is_over: AtomicBool,
 }
 
@@ -88,6 +93,21 @@ impl Relay {
         (shape.bytes_per_s, shape.delay) = (Some(bytes_per_s), delay);
     }
 
+    /// Changes one byte of so many, on the average; `None` = none.
+    pub fn damage(&self, one_of: Option<u64>) {
+        self.line.shape.lock().unwrap().damages_one_of = one_of;
+    }
+
+    /// Makes other bytes of some, wherever they come in one piece; `None` = leaves them.
+    pub fn rewrite(&self, bytes: Option<(&'static [u8], &'static [u8])>) {
+        self.line.shape.lock().unwrap().rewrites = bytes;
+    }
+
+    /// Gives how many bytes were changed, both ways together.
+    pub fn damaged(&self) -> u64 {
+        self.line.damaged.load(Ordering::Relaxed)
+    }
+
     /// Ends all connections; new ones end at once.
     pub fn cut(&self) {
         self.set(Way::Cut);
@@ -122,6 +142,28 @@ impl Line {
 
     fn shape(&self) -> Shape {
         *self.shape.lock().unwrap()
+    }
+
+    /// Changes some bytes of a piece, those that chance names.
+    fn damage(&self, piece: &mut [u8], chance: &mut u64) {
+        if let Some((from, to)) = self.shape().rewrites {
+            let found = piece.windows(from.len()).position(|bytes| bytes == from);
+            found.into_iter().for_each(|at| {
+                piece[at..at + to.len()].copy_from_slice(to);
+                self.damaged.fetch_add(1, Ordering::Relaxed);
+            });
+        }
+        let Some(one_of) = self.shape().damages_one_of else { return };
+        for byte in piece {
+            // An xorshift generator (Marsaglia 2003): any one does.
+            *chance ^= *chance << 13;
+            *chance ^= *chance >> 7;
+            *chance ^= *chance << 17;
+            if chance.is_multiple_of(one_of) {
+                *byte ^= 1 << (*chance >> 32) % 8;
+                self.damaged.fetch_add(1, Ordering::Relaxed);
+            }
+        }
     }
 
     /// Waits while it is frozen.
@@ -189,8 +231,9 @@ fn read(mut from: TcpStream, line: &Line, cuts: u64, pieces: &SyncSender<Piece>)
 
 fn write(mut to: TcpStream, line: &Line, cuts: u64, pieces: &Receiver<Piece>) {
     let mut free_at = Instant::now();
+    let mut chance = 0x9E37_79B9_7F4A_7C15 ^ u64::from(to.local_addr().map_or(1, |address| address.port()));
     while goes_on(line, cuts) {
-        let (read_at, piece) = match pieces.recv_timeout(LOOK) {
+        let (read_at, mut piece) = match pieces.recv_timeout(LOOK) {
             Ok(piece) => piece,
             Err(RecvTimeoutError::Timeout) => continue,
             Err(RecvTimeoutError::Disconnected) => break,
@@ -200,6 +243,7 @@ fn write(mut to: TcpStream, line: &Line, cuts: u64, pieces: &Receiver<Piece>) {
         free_at = free_at.max(read_at) + Duration::from_secs_f64(takes);
         std::thread::sleep((free_at + shape.delay).saturating_duration_since(Instant::now()));
         line.thaw();
+        line.damage(&mut piece, &mut chance);
         if !goes_on(line, cuts) || to.write_all(&piece).is_err() {
             break;
         }

@@ -530,6 +530,31 @@ impl Swarm {
         self.check_samples("state-g", RunId(1));
     }
 
+    /// The same where bytes were damaged on links without certificates: what is damaged and reads as a message is believed, so
+    /// what is stored is compared by its numbers only.
+    pub fn finish_after_damage(&mut self) {
+        self.until_end();
+        self.until_maps_equal(20);
+        let status = WorldControl::connect(self.world, TOKEN).unwrap().report().unwrap();
+        assert_eq!((status.collision_count, status.fence_breaches), (0, 0), "{:?}", status.collisions);
+        self.end_in_order();
+        let store = GroundStore::open_to_read(&self.path("state-g").join("ground.sqlite")).unwrap();
+        let mut stored: BTreeMap<VehicleId, Vec<u64>> = BTreeMap::new();
+        store
+            .each_sample(None, |row| {
+                if (row.boot, row.run) == (Boot(1), RunId(1)) {
+                    stored.entry(row.vehicle).or_default().push(row.sample.sequence);
+                }
+            })
+            .unwrap();
+        for id in (1..=self.size.vehicles).map(VehicleId) {
+            let sequences = stored.entry(id).or_default();
+            sequences.sort_unstable();
+            let said = self.look(|watch| watch.samples_of(id.0, 1));
+            assert!(said > 0 && *sequences == (0..sequences.len() as u64).collect::<Vec<_>>(), "a gap: {id}");
+        }
+    }
+
     /// Ends the vehicles and then the grounds, which store what the vehicles have said last.
     pub fn end_in_order(&mut self) {
         for kind in ["vehicle", "ground"] {

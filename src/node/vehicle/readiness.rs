@@ -15,8 +15,9 @@ use tomoswarm_proto::{Sender, VehicleId};
 use crate::node::peers::Peers;
 use crate::time::Time;
 
-/// Who has not told after so many times the time that is listened is not waited for any longer.
-const GIVES_UP_AFTER: u32 = 3;
+/// Who has not told after so many times the time that is listened is not waited for any longer: everyone tells every second.
+/// The whole is less than an operator's order waits for.
+const GIVES_UP_AFTER: u32 = 2;
 
 /// Whether enough has been heard.
 #[derive(Clone, PartialEq, Debug, Default, Serialize, Deserialize)]
@@ -90,7 +91,7 @@ mod tests {
         let mut waits = Readiness::default();
         waits.hear(at(10.0));
         assert!(!waits.look(at(13.9), Duration::from_secs(2), &peers), "vehicle 2 has not told this one");
-        assert!(waits.look(at(16.0), Duration::from_secs(2), &peers), "it never tells");
+        assert!(waits.look(at(14.0), Duration::from_secs(2), &peers), "it never tells");
         assert_eq!(drawn(include_str!("readiness.rs")), variants::<Readiness>());
     }
 

@@ -106,7 +106,8 @@ impl Places {
         let lease_s = (0.5 * sim.venue.swarm.lost_after_s).clamp(shortest_s, longest_s);
         let (topology, here) = (self.topology, |port: &u16| here(*port));
         let listen = listen.iter().map(here).collect();
-        BusFile { topology, listen, connect: connect.map(here).collect(), lease_s, ..BusFile::unsaid() }
+        let (connect, egress_kb_per_s) = (connect.map(here).collect(), sim.bus.egress_kb_per_s);
+        BusFile { topology, listen, connect, lease_s, egress_kb_per_s, ..BusFile::unsaid() }
     }
 }
 

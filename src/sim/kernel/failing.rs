@@ -19,11 +19,12 @@ impl Kernel {
     }
 
     /// Ends a vehicle's software; without it the autopilot brakes after a while.
-    fn die(&mut self, vehicle: VehicleId) {
+    pub(super) fn die(&mut self, vehicle: VehicleId) {
         let Some(index) = self.index_of(vehicle) else { return };
         self.log(&format!("vehicle {vehicle}"), format_args!("its software ends"));
         self.is_dead[index] = true;
         self.alarms[index] = Alarm { at: None, generation: self.alarms[index].generation + 1 };
+        self.leave(index);
         self.environment.detach(self.now, index);
     }
 
@@ -39,6 +40,7 @@ impl Kernel {
         self.is_dead[index] = false;
         self.environment.attach(self.now, index);
         self.log(&format!("vehicle {vehicle}"), format_args!("its software starts, boot {boot}"));
+        self.join(index, boot);
         self.set_alarm(index);
     }
 

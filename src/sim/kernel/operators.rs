@@ -3,7 +3,7 @@
 
 use tomoswarm_proto::{Interest, OperatorId};
 
-use super::{Kernel, NodeId};
+use super::Kernel;
 use crate::actor::Fault;
 use crate::exchange::ingress::Heard;
 use crate::operator::operator_actor::{In, OperatorSettings, Out};
@@ -81,7 +81,7 @@ impl Kernel {
             self.log(&format!("operator {id}"), format_args!("{words}"));
         }
         match said {
-            Out::Publish(message) => self.publish(NodeId::Operator(id), &message),
+            Out::Publish(message) => self.publish(self.vehicles.len() + 1 + index, &message),
             Out::Cue(name) => return self.cue(index, &name),
             Out::ScriptEnded(end) => self.script_ended(index, end),
             Out::InForce(..) | Out::Ended(..) | Out::Give(_) | Out::StopsNote(_) => {}

@@ -1,6 +1,8 @@
 //! What the kernel makes of what happens in the environment, in one small place: vehicle 1 faces a wall 1.5 m ahead,
 //! vehicle 2 has free space ahead. Nobody sees anything, and nobody is ordered to move: the tests drive.
 
+mod joining;
+
 use std::collections::BTreeSet;
 
 use tomoswarm_proto::{Boot, Lease, Mode, OperatorId, Order, OrderKind, Revision, RunId, Sender};
@@ -177,7 +179,8 @@ fn another_operator_takes_over_in_the_middle_of_a_sweep_and_the_mission_ends_as_
     }
     assert!(disturbed.log.contains("operator 3 its script has ended: done"));
     let longer_s = disturbed.simulated.as_secs_f64() - whole.simulated.as_secs_f64();
-    assert!((8.0..20.0).contains(&longer_s), "{longer_s} s longer: everyone stood for {held_for:?}");
+    // After the hold the rest is driven in another order of crossings, which may save some seconds.
+    assert!((6.0..20.0).contains(&longer_s), "{longer_s} s longer: everyone stood for {held_for:?}");
     assert_eq!(disturbed.found().len(), whole.found().len());
 }
 
