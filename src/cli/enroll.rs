@@ -7,10 +7,10 @@ use std::path::{Path, PathBuf};
 
 use tomoswarm_proto::{Sender, VehicleId};
 
-use super::enroll_files::{NodeConfig, file_name, vehicles_line};
+use super::enroll_files::{NodeConfig, endpoints, file_name, vehicles_line};
 use super::error::CliError;
 use super::read;
-use crate::config::{self, Config, Topology, Venue};
+use crate::config::{self, Config, Endpoint, Protocol, Topology, Venue};
 use crate::run::membership::OPERATOR;
 use crate::run::trust::{
     Authority, Certificate, CommonName, Issued, Lock, NewFile, Roster, is_host, read_limited, replace_file,
@@ -125,6 +125,7 @@ impl EnrollArgs {
         let next =
             swarm.roster.admitting(issued.entry.clone()).map_err(|error| swarm.refused(ROSTER, error))?;
         let files = self.files(&swarm, &next, &issued, &venue_text)?;
+        let reached_before = swarm.reached(&swarm.roster);
         // From here on the certificate is in force: the roster goes first, so that no number is given twice.
         let text = swarm.publish(&next)?;
         let former = swarm.retire(node, "replaced")?;
@@ -132,6 +133,7 @@ impl EnrollArgs {
         let files: Vec<NewFile> = files.into_iter().chain([NewFile::open(ROSTER, text)]).collect();
         write_new_folder(&own, &files).map_err(|source| CliError::Write { path: own.clone(), source })?;
         let listed = swarm.list_in_ground(&next)?;
+        swarm.name_in_operator(&reached_before, &swarm.reached(&next))?;
         Ok(enrolled(name, &own, former.as_deref(), listed, &next))
     }
 
@@ -195,7 +197,7 @@ impl EnrollArgs {
         // What was edited by hand stays.
         let config = match own_file.exists() {
             true => read::text(&own_file)?,
-            false => self.config_of(node, next).text(venue)?,
+            false => self.config_of(swarm, node, next).text(venue)?,
         };
         check_config(&own_file, &config, venue)?;
         Ok(vec![
@@ -207,8 +209,7 @@ impl EnrollArgs {
         ])
     }
 
-    fn config_of(&self, node: Sender, roster: &Roster) -> NodeConfig {
-        let is_far = |host: &String| !matches!(host.as_str(), "127.0.0.1" | "::1" | "localhost");
+    fn config_of(&self, swarm: &Swarm, node: Sender, roster: &Roster) -> NodeConfig {
         let state_dir = format!("/var/lib/tomoswarm/{}", CommonName::node_name(node));
         NodeConfig {
             node,
@@ -218,9 +219,10 @@ impl EnrollArgs {
             },
             ground_host: self.ground_host.clone(),
             port: self.port,
-            is_reached: self.hosts.iter().any(is_far) || is_far(&self.ground_host),
+            is_reached: self.hosts.iter().any(|host| is_far(host)) || is_far(&self.ground_host),
             state_dir: self.state_dir.clone().unwrap_or(state_dir),
             vehicles: vehicles_of(roster),
+            reached: swarm.reached(roster),
         }
     }
 }
@@ -317,6 +319,62 @@ impl Swarm {
         replace_file(&folder, &file).map_err(|source| CliError::Write { path, source })?;
         Ok(true)
     }
+
+    /// Returns where the vehicles of a roster are reached by others: those with a host of their own and a fixed port.
+    fn reached(&self, roster: &Roster) -> Vec<Endpoint> {
+        let endpoint = |id: VehicleId| {
+            let folder = self.node_folder(Sender::Vehicle(id));
+            let certificate =
+                Certificate::from_pem(&read::text(&folder.join("certificate.pem")).ok()?).ok()?;
+            let host = certificate.hosts.into_iter().find(|host| is_far(host))?;
+            let path = folder.join(file_name(Sender::Vehicle(id)));
+            let venue = read::text(&folder.join(VENUE)).ok()?;
+            let text = read::text(&path).ok()?;
+            let file = config::read(&read::shown(&path), &text, &mut |_| Ok(venue.clone()));
+            let Ok(Config::Vehicle(file)) = file else { return None };
+            let port = file.bus.listen.first().map(|listen| listen.port).filter(|port| *port != 0)?;
+            Some(Endpoint { protocol: Protocol::Tls, host, port })
+        };
+        vehicles_of(roster).into_iter().filter_map(endpoint).collect()
+    }
+
+    /// Names the vehicles that are reached in the operator's configuration, where that list ends as it was written.
+    fn name_in_operator(&self, before: &[Endpoint], after: &[Endpoint]) -> Result<(), CliError> {
+        let folder = self.node_folder(OPERATOR);
+        let path = folder.join(file_name(OPERATOR));
+        if before == after || !path.exists() {
+            return Ok(());
+        }
+        let text = read::text(&path)?;
+        let listed = |of: &[Endpoint]| endpoints(&of.iter().collect::<Vec<_>>());
+        let is_mesh = text.contains("topology = \"mesh\"");
+        let lines = text.lines().map(|line| match is_mesh && line.starts_with("connect = [") {
+            true => with_vehicles(line, &listed(before), &listed(after)),
+            false => line.to_owned(),
+        });
+        let text: String = lines.map(|line| line + "\n").collect();
+        let file = NewFile::open(file_name(OPERATOR), text);
+        replace_file(&folder, &file).map_err(|source| CliError::Write { path, source })
+    }
+}
+
+/// Returns a line that lists the ground station and then these vehicles, with others in their place; any other line as it is.
+fn with_vehicles(line: &str, before: &str, after: &str) -> String {
+    let Some((list, rest)) = line.split_once(']') else { return line.to_owned() };
+    let ground = match before.is_empty() {
+        true => Some(list),
+        false => list.strip_suffix(before).and_then(|list| list.strip_suffix(", ")),
+    };
+    match ground {
+        Some(ground) if after.is_empty() => format!("{ground}]{rest}"),
+        Some(ground) => format!("{ground}, {after}]{rest}"),
+        None => line.to_owned(),
+    }
+}
+
+/// Returns whether other machines may reach a node under this host.
+fn is_far(host: &str) -> bool {
+    !matches!(host, "127.0.0.1" | "::1" | "localhost")
 }
 
 fn create_authority(folder: &Path, venue: &str) -> Result<(), CliError> {

@@ -21,6 +21,8 @@ pub struct NodeConfig {
     pub state_dir: String,
     /// The vehicles that are enrolled.
     pub vehicles: Vec<VehicleId>,
+    /// Where those of them are reached that others reach.
+    pub reached: Vec<Endpoint>,
 }
 
 /// Gives the name of a node's configuration.
@@ -36,6 +38,12 @@ pub fn file_name(node: Sender) -> &'static str {
 pub fn vehicles_line(vehicles: &[VehicleId]) -> String {
     let ids: Vec<String> = vehicles.iter().map(ToString::to_string).collect();
     format!("vehicles = [{}]", ids.join(", "))
+}
+
+/// Returns endpoints as they stand in a list of a configuration.
+pub fn endpoints(list: &[&Endpoint]) -> String {
+    let list: Vec<String> = list.iter().map(|endpoint| quoted(&endpoint.to_string())).collect();
+    list.join(", ")
 }
 
 impl NodeConfig {
@@ -78,7 +86,11 @@ impl NodeConfig {
         if self.node != Sender::Ground {
             let (host, port) = (self.ground_host.clone(), self.port);
             let ground = Endpoint { protocol: Protocol::Tls, host, port };
-            text += &format!("connect = [{}]\n", quoted(&ground.to_string()));
+            // An operator must reach the vehicles of a mesh when the ground station is dead.
+            let names_all = matches!(self.node, Sender::Operator(_)) && self.topology == Topology::Mesh;
+            let vehicles: &[Endpoint] = if names_all { &self.reached } else { &[] };
+            let all: Vec<&Endpoint> = [&ground].into_iter().chain(vehicles).collect();
+            text += &format!("connect = [{}]\n", endpoints(&all));
         }
         text + "ca = \"ca.pem\"\ncertificate = \"certificate.pem\"\nkey = \"key.pem\"\nroster = \"roster.txt\"\n"
     }

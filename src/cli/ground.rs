@@ -6,9 +6,7 @@ use std::path::PathBuf;
 use super::describe::describe;
 use super::error::CliError;
 use super::stop::Stop;
-use super::vehicle::{
-    answer, bus_is_passing, folder_is_passing, stops_is_passing, trust_is_passing, unready,
-};
+use super::vehicle::{answer, bus_is_passing, folder_is_passing, kept_is_passing, trust_is_passing, unready};
 use super::{logging, read};
 use crate::config::{self, Config, GroundFile};
 use crate::run::ground_process::{self, GroundError, Status};
@@ -104,7 +102,7 @@ fn is_passing(error: &GroundError) -> bool {
         },
         GroundError::Bus(error) => bus_is_passing(error),
         GroundError::Trust(error) => trust_is_passing(error),
-        GroundError::Stops(error) => stops_is_passing(error),
+        GroundError::Kept(error) => kept_is_passing(error),
         GroundError::Parts(_) => false,
         GroundError::NoChance(_) | GroundError::Thread(_) => true,
     }

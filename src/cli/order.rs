@@ -20,10 +20,14 @@ use crate::operator::names::{kind_name, ordered};
 use crate::operator::operator_actor::{In, Out};
 use crate::operator::outcome::{Outcome, VehicleOutcome};
 use crate::operator::want::{MissionWish, StopWish, Want};
+use crate::run::bus::Topology;
 use crate::run::live_operator::LiveOperator;
+use crate::time::Time;
 
 /// Between two looks at whether the command shall end.
 const LOOK: Duration = Duration::from_millis(100);
+/// The hub of a star is reached within this time, or not at all.
+const LINKS_WITHIN: Duration = Duration::from_millis(1500);
 /// The number of the only want of this command.
 const ONE: u32 = 0;
 
@@ -170,9 +174,10 @@ impl OrderArgs {
         let context = OperatorContext::read(&self.config)?;
         let mission = self.mission(&context.venue)?;
         let stop = Stop::listen();
+        let is_star = context.settings.topology == Topology::Star;
         let mut operator = context.open()?;
         operator.tell(self.wish(mission));
-        let outcome = until_over(&mut operator, &stop)?;
+        let outcome = until_over(&mut operator, &stop, is_star)?;
         let troubles = operator.session().troubles();
         operator.close();
         if let Some(refused) = outcome.refused {
@@ -219,9 +224,15 @@ impl OrderArgs {
     }
 }
 
-/// Waits until the want is over, or the command shall end.
-fn until_over(operator: &mut LiveOperator, stop: &Stop) -> Result<Outcome, CliError> {
+/// Waits until the want is over, or the command shall end. In a star without its ground station nobody is ever heard.
+fn until_over(operator: &mut LiveOperator, stop: &Stop, is_star: bool) -> Result<Outcome, CliError> {
+    let mut was_linked = false;
     loop {
+        was_linked |= operator.session().is_linked();
+        if is_star && !was_linked && operator.now() >= Time::ZERO + LINKS_WITHIN {
+            let ends = "nothing was said: the ground station is not reached, and in a star nobody is reached without it";
+            return Err(CliError::Swarm(ends.to_owned()));
+        }
         if stop.is_asked() {
             operator.tell(In::Withdraw(ONE));
         }

@@ -14,8 +14,7 @@ use crate::run::process::Finish;
 use crate::run::state_dir::StateDirError;
 use crate::run::trust::TrustError;
 use crate::run::vehicle_process::{self, Status, VehicleError};
-use crate::store::memory::MemoryError;
-use crate::store::stops::StopsError;
+use crate::store::CheckedFileError;
 
 /// Drive one vehicle: its actors, its drivers, its part of the bus.
 ///
@@ -91,20 +90,18 @@ pub(super) fn answer(finish: Finish) -> Result<(), CliError> {
 fn is_passing(error: &VehicleError) -> bool {
     match error {
         VehicleError::StateDir(error) => folder_is_passing(error),
-        VehicleError::Memory(MemoryError::Unread { source, .. }) => file_is_passing(source),
-        VehicleError::Memory(MemoryError::Damaged { .. } | MemoryError::Newer { .. }) => false,
-        VehicleError::Stops(error) => stops_is_passing(error),
+        VehicleError::Kept(error) => kept_is_passing(error),
         VehicleError::Bus(error) => bus_is_passing(error),
         VehicleError::Trust(error) => trust_is_passing(error),
         VehicleError::NoChance(_) | VehicleError::Thread(_) => true,
     }
 }
 
-/// Tells the same of the file of emergency stops.
-pub(super) fn stops_is_passing(error: &StopsError) -> bool {
+/// Returns the same for a small file that a node keeps.
+pub(super) fn kept_is_passing(error: &CheckedFileError) -> bool {
     match error {
-        StopsError::Unread { source, .. } => file_is_passing(source),
-        StopsError::Damaged { .. } | StopsError::Newer { .. } => false,
+        CheckedFileError::Unread { source, .. } => file_is_passing(source),
+        CheckedFileError::Damaged { .. } | CheckedFileError::Newer { .. } => false,
     }
 }
 
@@ -188,9 +185,14 @@ mod tests {
         };
         let memory = |kind: ErrorKind| {
             let path = PathBuf::from("state/memory");
-            VehicleError::from(MemoryError::Unread { path, source: kind.into() })
+            VehicleError::from(CheckedFileError::Unread { path, holds: "orders", source: kind.into() })
         };
-        let damaged = MemoryError::Damaged { path: "state/memory".into(), reason: "it is empty".to_owned() };
+        let damaged = CheckedFileError::Damaged {
+            path: "state/memory".into(),
+            reason: "it is empty".to_owned(),
+            holds: "orders",
+            remedy: "mend it",
+        };
         let busy = BusError::Listen { endpoints: "tcp/127.0.0.1:1".to_owned(), reason: "in use".to_owned() };
         let bad = BusError::Settings { reason: "none".to_owned() };
         for (error, code) in [

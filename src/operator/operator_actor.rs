@@ -362,7 +362,7 @@ impl Operator {
         let taken = self.wants.values().filter_map(|pursuit| pursuit.ordering.lease()).max();
         let in_force = self.view.lease(now).max(taken.unwrap_or_default());
         let lease = match in_force.number {
-            0 => Lease { number: 1, holder: self.settings.holder },
+            0 => self.view.first_lease(now, self.settings.holder),
             _ => in_force,
         };
         let due = self.tasks.due(now, &self.view, lease);

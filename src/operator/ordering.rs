@@ -10,7 +10,7 @@
 //! ```
 //!
 //! **By whose right.** The greatest lease that a State echoes or a live ground station's Report holds; where nobody holds
-//! one, number 1 with an own holder. With `take_over` the number after it with an own holder. The revision is the
+//! one, number 1 with an own holder, or 2 where a ground station is there and may be taking 1. With `take_over` the number after it with an own holder. The revision is the
 //! vehicle's echo + 1 within that lease, 1 in another one. To start or to return waits for a Report, or 1.5 s, so that the
 //! ground's lease is known; what makes a vehicle stop waits for nothing but its State. Nothing is sent to a vehicle that was
 //! not heard: it obeys only what is above its echo.
@@ -500,7 +500,7 @@ impl Ordering {
         let own = |number| Lease { number, holder: self.instruction.holder };
         let is_ours = highest.holder == self.instruction.holder;
         let lease = match highest.number {
-            0 => own(1),
+            0 => self.view.first_lease(now, self.instruction.holder),
             number if self.instruction.take_over && !is_ours => own(number.saturating_add(1)),
             _ => highest,
         };

@@ -34,9 +34,10 @@ use crate::ground::station::{self, Memory, Station};
 use crate::ground::wiring::Source;
 use crate::ground::{Effect, Event, GroundWiring};
 use crate::stops::StopsSettings;
+use crate::store::CheckedFileError;
 use crate::store::StoreError;
 use crate::store::ground::{GroundStore, Restored, Start};
-use crate::store::stops::{StopsDriver, StopsError, StopsFile};
+use crate::store::stops::{StopsDriver, StopsFile};
 use crate::time::Time;
 
 /// Batches and tiles that may wait for the store.
@@ -65,7 +66,7 @@ pub enum GroundError {
     NoChance(#[from] NoChance),
     /// Which emergency stops are open cannot be known.
     #[error(transparent)]
-    Stops(#[from] StopsError),
+    Kept(#[from] CheckedFileError),
     /// The machine has no threads to give.
     #[error("a thread cannot be started: {0}")]
     Thread(#[from] std::io::Error),
@@ -152,7 +153,7 @@ fn source(file: &GroundFile, boot: Boot, holder: u64, store: &GroundStore) -> Re
     Ok(Source { parts, resumed: Some(resumed), stops: StopsSettings::default() })
 }
 
-fn kept_stops(file: &StopsFile) -> Result<StopsSettings, StopsError> {
+fn kept_stops(file: &StopsFile) -> Result<StopsSettings, CheckedFileError> {
     Ok(StopsSettings { kept: file.read()?, ..StopsSettings::default() })
 }
 
@@ -208,8 +209,12 @@ struct Ear {
 }
 
 impl Ear {
-    /// Tells whether a message is by and about vehicles that the file names: of others nothing is kept.
+    /// Returns whether a message is by and about vehicles that the file names: of others nothing is kept, but which emergency
+    /// stops they know.
     fn is_of_swarm(&self, sender: Sender, message: &Message) -> bool {
+        if let Message::Standing(_) = message {
+            return true;
+        }
         let is_own = match sender {
             Sender::Vehicle(vehicle) => self.expected.contains(&vehicle),
             Sender::Ground | Sender::Operator(_) => true,

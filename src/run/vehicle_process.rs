@@ -30,10 +30,11 @@ use crate::geom::Lattice;
 use crate::node::outbox::Tally;
 use crate::node::route::Note;
 use crate::node::{Effect, Event, Settings, VehicleWiring};
-use crate::store::memory::{MemoryDriver, MemoryError, MemoryFile};
+use crate::store::CheckedFileError;
+use crate::store::memory::{MemoryDriver, MemoryFile};
 use crate::store::outbox::{OutboxDriver, OutboxSettings};
 use crate::store::recording::{About, Limits, Recorder};
-use crate::store::stops::{StopsDriver, StopsError, StopsFile};
+use crate::store::stops::{StopsDriver, StopsFile};
 use crate::time::Time;
 
 /// Health is said every second tick.
@@ -57,12 +58,9 @@ pub enum VehicleError {
     /// Its folder cannot be used.
     #[error(transparent)]
     StateDir(#[from] StateDirError),
-    /// What it has obeyed before cannot be known.
+    /// What it has obeyed before, or which emergency stops are open, cannot be known.
     #[error(transparent)]
-    Memory(#[from] MemoryError),
-    /// Which emergency stops are open cannot be known.
-    #[error(transparent)]
-    Stops(#[from] StopsError),
+    Kept(#[from] CheckedFileError),
     /// The bus cannot be opened.
     #[error(transparent)]
     Bus(#[from] BusError),

@@ -5,7 +5,7 @@
 
 #![allow(clippy::disallowed_methods, reason = "the shell reads clocks and writes files")]
 
-mod checked_text;
+mod checked_file;
 mod durable;
 mod error;
 pub mod export;
@@ -16,5 +16,6 @@ pub mod recording;
 mod sample_row;
 pub mod stops;
 
+pub use checked_file::CheckedFileError;
 pub use durable::replace;
 pub use error::StoreError;

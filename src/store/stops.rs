@@ -13,8 +13,7 @@
 //! A folder without the file is that of a node that knows no stop. Whatever else is found is refused and left as it is: a node
 //! that cannot know whether it must stand does not begin.
 
-use std::fs;
-use std::io::{self, ErrorKind};
+use std::io;
 use std::path::PathBuf;
 use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -23,47 +22,19 @@ use std::time::Duration;
 
 use tomoswarm_proto::{EmergencyName, EmergencyStop, Message, OperatorId, Standing, StopScope, VehicleId};
 
-use super::checked_text::{CheckedText, TextFault};
+use super::checked_file::{CheckedFile, CheckedFileError};
 use super::replace;
 
 /// What the file is.
-const TEXT: CheckedText = CheckedText { title: "tomoswarm emergency stops", version: 1 };
-/// A file that is longer is none of ours, bytes.
-const LONGEST: u64 = 16_384;
+const FILE: CheckedFile = CheckedFile {
+    title: "tomoswarm emergency stops",
+    version: 1,
+    longest: 16_384,
+    holds: "the emergency stops that this node knows",
+    remedy: "remove it when no emergency stop is open (`tomoswarm status` shows them)",
+};
 /// A disk in trouble is tried again this often.
 const RETRY: Duration = Duration::from_secs(1);
-
-/// Why the stops of a node cannot be read.
-#[derive(Debug, thiserror::Error)]
-pub enum StopsError {
-    /// The system does not let them be read.
-    #[error("{}: cannot be read: {source}; it holds the emergency stops that this node knows", path.display())]
-    Unread {
-        /// The file.
-        path: PathBuf,
-        /// What the system says.
-        source: io::Error,
-    },
-    /// They are not as they were written.
-    #[error(
-        "{}: is damaged: {reason}; it holds the emergency stops that this node knows: remove it when no emergency stop is \
-         open (`tomoswarm status` shows them)", path.display()
-    )]
-    Damaged {
-        /// The file.
-        path: PathBuf,
-        /// What was expected, and what was found.
-        reason: String,
-    },
-    /// A later program wrote them.
-    #[error("{}: written by a newer tomoswarm (version {found}, this one knows {})", path.display(), TEXT.version)]
-    Newer {
-        /// The file.
-        path: PathBuf,
-        /// Its version.
-        found: u32,
-    },
-}
 
 /// The stops of a node on disk.
 #[derive(Clone, PartialEq, Eq, Debug)]
@@ -81,23 +52,8 @@ impl StopsFile {
     ///
     /// # Errors
     /// It cannot be read, or is not what was written.
-    pub fn read(&self) -> Result<Standing, StopsError> {
-        let path = || self.path.clone();
-        let unread = |source| StopsError::Unread { path: path(), source };
-        let length = match fs::metadata(&self.path) {
-            Ok(found) => found.len(),
-            Err(error) if error.kind() == ErrorKind::NotFound => return Ok(Standing::default()),
-            Err(source) => return Err(unread(source)),
-        };
-        if length > LONGEST {
-            let reason = format!("{length} bytes, expected at most {LONGEST}");
-            return Err(StopsError::Damaged { path: path(), reason });
-        }
-        let bytes = fs::read(&self.path).map_err(unread)?;
-        parse(&bytes).map_err(|fault| match fault {
-            TextFault::Damaged(reason) => StopsError::Damaged { path: path(), reason },
-            TextFault::Newer(found) => StopsError::Newer { path: path(), found },
-        })
+    pub fn read(&self) -> Result<Standing, CheckedFileError> {
+        Ok(FILE.read(&self.path, parse)?.unwrap_or_default())
     }
 
     /// Writes it; after a power cut it is as before, or as written now.
@@ -119,13 +75,13 @@ fn text(standing: &Standing) -> String {
     };
     let lifted = |name: &EmergencyName| format!("lifted {:08x}\n", name.0);
     let lines = standing.open.iter().map(open).chain(standing.lifted.iter().map(lifted));
-    TEXT.seal(&lines.collect::<String>())
+    FILE.seal(&lines.collect::<String>())
 }
 
-fn parse(bytes: &[u8]) -> Result<Standing, TextFault> {
+fn parse(lines: &str) -> Result<Standing, String> {
     let mut standing = Standing::default();
-    for line in TEXT.open(bytes)?.lines() {
-        let wrong = || TextFault::Damaged(format!("`{line}` is no line of version {}", TEXT.version));
+    for line in lines.lines() {
+        let wrong = || format!("`{line}` is no line of version {}", FILE.version);
         let words: Vec<&str> = line.split(' ').collect();
         let name = |word: &str| u32::from_str_radix(word, 16).map(EmergencyName).map_err(|_| wrong());
         let by = |word: &str| word.parse().map(OperatorId).map_err(|_| wrong());
@@ -143,7 +99,7 @@ fn parse(bytes: &[u8]) -> Result<Standing, TextFault> {
         }
     }
     let is_sound = Message::Standing(standing.clone()).check();
-    is_sound.map_err(|expected| TextFault::Damaged(format!("expected: {expected}")))?;
+    is_sound.map_err(|expected| format!("expected: {expected}"))?;
     Ok(standing)
 }
 
@@ -224,6 +180,8 @@ fn keep(file: &StopsFile, wanted: &Receiver<Standing>, trouble: &Mutex<Option<St
 
 #[cfg(test)]
 mod tests {
+    use std::fs;
+
     use super::*;
 
     fn known() -> Standing {
@@ -261,13 +219,13 @@ mod tests {
         check(&whole.as_bytes()[..whole.len() - 3], "its end is missing");
         check(whole.replace("vehicle 3", "vehicle 4").as_bytes(), "at its end");
         check(
-            TEXT.seal("open 3f2a9c01 some operator 1\n").as_bytes(),
+            FILE.seal("open 3f2a9c01 some operator 1\n").as_bytes(),
             "`open 3f2a9c01 some operator 1` is no line",
         );
-        check(TEXT.seal("lifted xyz\n").as_bytes(), "`lifted xyz` is no line");
+        check(FILE.seal("lifted xyz\n").as_bytes(), "`lifted xyz` is no line");
         let ten: String = (0..10).map(|number| format!("open 0001000{number} all operator 1\n")).collect();
-        check(TEXT.seal(&ten).as_bytes(), "at most 9 stops");
-        let newer = CheckedText { version: 2, ..TEXT }.seal("");
+        check(FILE.seal(&ten).as_bytes(), "at most 9 stops");
+        let newer = CheckedFile { version: 2, ..FILE }.seal("");
         check(newer.as_bytes(), "written by a newer tomoswarm (version 2");
         check(&vec![b'x'; 20_000], "20000 bytes");
         check(&[0xff, 0xfe], "expected text");

@@ -195,3 +195,29 @@ fn who_was_revoked_gets_nothing_in_and_hears_nothing() {
         assert!(run.status.code() == Some(2) && said.contains("roster"), "{said}");
     }
 }
+
+#[test]
+fn an_operator_of_a_mesh_is_told_where_every_vehicle_is_reached_also_of_those_enrolled_later() {
+    let folder = tempfile::tempdir().unwrap();
+    let swarm = folder.path().join("swarm");
+    let venue = concat!(env!("CARGO_MANIFEST_DIR"), "/configs/courtyard.venue.toml");
+    let add = |node: &[&str], more: &[&str]| {
+        let common = ["--venue", venue, "--ground-host", "ground.local"];
+        enroll(&swarm, &[&common, node, more].concat());
+    };
+    let connects = || {
+        let text = std::fs::read_to_string(swarm.join("operator-1/operator.toml")).unwrap();
+        let line = text.lines().find(|line| line.starts_with("connect = ")).unwrap().to_owned();
+        line.split('"').skip(1).step_by(2).map(str::to_owned).collect::<Vec<String>>()
+    };
+    let ground = "tls/ground.local:7447";
+    add(&["ground"], &["--host", "ground.local"]);
+    add(&["vehicle", "1"], &["--host", "rover1.local"]);
+    add(&["operator"], &[]);
+    assert_eq!(connects(), [ground, "tls/rover1.local:7447"]);
+    add(&["vehicle", "2"], &["--host", "10.0.0.7"]);
+    assert_eq!(connects(), [ground, "tls/rover1.local:7447", "tls/10.0.0.7:7447"]);
+    enroll(&swarm, &["--revoke", "vehicle-1"]);
+    add(&["vehicle", "2"], &["--host", "rover2.local", "--replace"]);
+    assert_eq!(connects().last().unwrap(), "tls/rover2.local:7447");
+}

@@ -277,3 +277,22 @@ fn a_status_that_is_watched_ends_when_nobody_reads_it_any_more() {
     let output = watching.wait_with_output().unwrap();
     assert_eq!((output.status.code(), String::from_utf8_lossy(&output.stderr).as_ref()), (Some(0), ""));
 }
+
+#[test]
+fn in_a_star_without_its_ground_station_an_order_ends_at_once_and_says_so() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("operator.toml");
+    let connect = free_endpoint();
+    let text = format!(
+        "kind = \"operator\"\nvenue = \"{VENUE}\"\n[bus]\ntopology = \"star\"\nconnect = [\"{connect}\"]\n"
+    );
+    std::fs::write(&path, text).unwrap();
+    for what in ["emergency", "start"] {
+        let began = Instant::now();
+        let ended = tool("order", &path, &[what]);
+        assert!(began.elapsed() < Duration::from_secs(4), "{:?}", began.elapsed());
+        check(&ended, 1);
+        let complaint = String::from_utf8_lossy(&ended.stderr);
+        assert!(complaint.contains("in a star nobody is reached without it"), "{complaint}");
+    }
+}

@@ -160,7 +160,7 @@ impl Line {
             *chance ^= *chance >> 7;
             *chance ^= *chance << 17;
             if chance.is_multiple_of(one_of) {
-                *byte ^= 1 << (*chance >> 32) % 8;
+                *byte ^= 1 << ((*chance >> 32) % 8);
                 self.damaged.fetch_add(1, Ordering::Relaxed);
             }
         }

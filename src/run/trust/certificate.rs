@@ -2,10 +2,12 @@
 //! expires here, and a Pi has no clock.
 
 use std::fmt;
+use std::net::IpAddr;
 
 use ring::digest::{SHA256, digest};
 use ring::signature::{ECDSA_P256_SHA256_ASN1, UnparsedPublicKey};
 use x509_parser::certificate::X509Certificate;
+use x509_parser::extensions::GeneralName;
 use x509_parser::pem::parse_x509_pem;
 use x509_parser::prelude::FromDer;
 
@@ -44,6 +46,8 @@ pub struct Certificate {
     pub fingerprint: Fingerprint,
     /// Whether it may sign others.
     pub is_authority: bool,
+    /// The hosts under which its node is reached, addresses and names.
+    pub hosts: Vec<String>,
     /// The public key, as an uncompressed point of P-256.
     pub public_key: Vec<u8>,
     signed: Vec<u8>,
@@ -89,6 +93,7 @@ impl Certificate {
             serial: to_hex(parsed.raw_serial()),
             fingerprint: fingerprint(der),
             is_authority: parsed.is_ca(),
+            hosts: hosts_of(&parsed),
             public_key: parsed.public_key().subject_public_key.data.to_vec(),
             signed: parsed.tbs_certificate.as_ref().to_vec(),
             signature: parsed.signature_value.data.to_vec(),
@@ -134,4 +139,20 @@ pub(super) fn from_hex(text: &str) -> Option<Vec<u8>> {
         return None;
     }
     (0..text.len()).step_by(2).map(|at| u8::from_str_radix(text.get(at..at + 2)?, 16).ok()).collect()
+}
+
+/// Returns the alternative names that are hosts; others are passed over.
+fn hosts_of(certificate: &X509Certificate<'_>) -> Vec<String> {
+    let Ok(Some(names)) = certificate.subject_alternative_name() else { return Vec::new() };
+    let host = |name: &GeneralName<'_>| match name {
+        GeneralName::DNSName(name) => Some((*name).to_owned()),
+        GeneralName::IPAddress(bytes) => {
+            let four = <[u8; 4]>::try_from(*bytes).map(IpAddr::from);
+            four.or_else(|_| <[u8; 16]>::try_from(*bytes).map(IpAddr::from))
+                .ok()
+                .map(|address| address.to_string())
+        }
+        _ => None,
+    };
+    names.value.general_names.iter().filter_map(host).collect()
 }

@@ -10,55 +10,24 @@
 //! More to remember is more lines and a higher version; a later program reads the earlier versions. A folder without the file is that of a vehicle that has obeyed
 //! nothing. Whatever else is found is refused and left as it is: to guess would be to obey what was overruled.
 
-use std::fs;
-use std::io::{self, ErrorKind};
+use std::io;
 use std::path::{Path, PathBuf};
 
 use tomoswarm_proto::{Lease, Revision, RunId};
 
 use crate::node::Memory;
 use crate::node::memory::OrderEdition;
-use crate::store::checked_text::{CheckedText, TextFault};
+use crate::store::checked_file::{CheckedFile, CheckedFileError};
 use crate::store::replace;
 
 /// What the file is.
-const TEXT: CheckedText = CheckedText { title: "tomoswarm vehicle memory", version: VERSION };
-/// The version of what is written here.
-const VERSION: u32 = 1;
-/// A file that is longer is none of ours, bytes.
-const LONGEST: u64 = 4096;
-
-/// Why a vehicle's memory cannot be read.
-#[derive(Debug, thiserror::Error)]
-pub enum MemoryError {
-    /// The system does not let it be read.
-    #[error("{}: cannot be read: {source}; it holds the highest order that this vehicle has obeyed", path.display())]
-    Unread {
-        /// The file.
-        path: PathBuf,
-        /// What the system says.
-        source: io::Error,
-    },
-    /// It is not as it was written.
-    #[error(
-        "{}: is damaged: {reason}; it holds the highest order that this vehicle has obeyed: restore a copy, or remove it \
-         when no operator and no ground station of an older lease is at work", path.display()
-    )]
-    Damaged {
-        /// The file.
-        path: PathBuf,
-        /// What was expected, and what was found.
-        reason: String,
-    },
-    /// A later program wrote it.
-    #[error("{}: written by a newer tomoswarm (version {found}, this one knows {VERSION})", path.display())]
-    Newer {
-        /// The file.
-        path: PathBuf,
-        /// Its version.
-        found: u32,
-    },
-}
+const FILE: CheckedFile = CheckedFile {
+    title: "tomoswarm vehicle memory",
+    version: 1,
+    longest: 4096,
+    holds: "the highest order that this vehicle has obeyed",
+    remedy: "restore a copy, or remove it when no operator and no ground station of an older lease is at work",
+};
 
 /// A vehicle's memory on disk.
 #[derive(Clone, PartialEq, Eq, Debug)]
@@ -81,23 +50,8 @@ impl MemoryFile {
     ///
     /// # Errors
     /// It cannot be read, or is not what was written.
-    pub fn read(&self) -> Result<Memory, MemoryError> {
-        let path = || self.path.clone();
-        let unread = |source| MemoryError::Unread { path: path(), source };
-        let length = match fs::metadata(&self.path) {
-            Ok(found) => found.len(),
-            Err(error) if error.kind() == ErrorKind::NotFound => return Ok(Memory::default()),
-            Err(source) => return Err(unread(source)),
-        };
-        if length > LONGEST {
-            let reason = format!("{length} bytes, expected at most {LONGEST}");
-            return Err(MemoryError::Damaged { path: path(), reason });
-        }
-        let bytes = fs::read(&self.path).map_err(unread)?;
-        parse(&bytes).map_err(|fault| match fault {
-            TextFault::Damaged(reason) => MemoryError::Damaged { path: path(), reason },
-            TextFault::Newer(found) => MemoryError::Newer { path: path(), found },
-        })
+    pub fn read(&self) -> Result<Memory, CheckedFileError> {
+        Ok(FILE.read(&self.path, parse)?.unwrap_or_default())
     }
 
     /// Writes it; after a power cut it is as before, or as written now.
@@ -111,15 +65,14 @@ impl MemoryFile {
 
 fn text(memory: &Memory) -> String {
     let Memory { ordered: OrderEdition { lease, revision, run }, planned } = memory;
-    TEXT.seal(&format!(
+    FILE.seal(&format!(
         "ordered lease {} holder {} revision {revision} run {run}\nplanned lease {} holder {}\n",
         lease.number, lease.holder, planned.number, planned.holder
     ))
 }
 
-fn parse(bytes: &[u8]) -> Result<Memory, TextFault> {
-    let wrong = || TextFault::Damaged("its lines are not those of version 1".to_owned());
-    content(TEXT.open(bytes)?).ok_or_else(wrong)
+fn parse(lines: &str) -> Result<Memory, String> {
+    content(lines).ok_or_else(|| "its lines are not those of version 1".to_owned())
 }
 
 /// Reads the lines of version 1.
@@ -150,8 +103,10 @@ fn numbers<const COUNT: usize>(line: &str, names: [&str; COUNT]) -> Option<[u64;
 
 #[cfg(test)]
 pub(super) mod tests {
+    use std::fs;
+
     use super::*;
-    use crate::store::checked_text::fnv;
+    use crate::store::checked_file::fnv;
     use crate::store::durable::beside;
     use proptest::prelude::*;
 
@@ -186,24 +141,25 @@ pub(super) mod tests {
             let lease = Lease { number: ordered.0, holder: ordered.1 };
             let ordered = OrderEdition { lease, revision: Revision(ordered.2), run: RunId(ordered.3) };
             let memory = Memory { ordered, planned: Lease { number: planned.0, holder: planned.1 } };
-            prop_assert_eq!(parse(text(&memory).as_bytes()), Ok(memory));
+            prop_assert_eq!(FILE.open(text(&memory).as_bytes()).map(parse), Ok(Ok(memory)));
         }
     }
 
     #[test]
     fn damage_at_every_byte_every_loss_and_every_addition_is_noticed() {
         let whole = text(&memory(5, 7)).into_bytes();
-        assert!(parse(&whole).is_ok());
+        let reads = |bytes: &[u8]| FILE.open(bytes).is_ok_and(|lines| parse(lines).is_ok());
+        assert!(reads(&whole));
         for index in 0..whole.len() {
             for change in 1..=u8::MAX {
                 let mut bytes = whole.clone();
                 bytes[index] ^= change;
-                assert!(parse(&bytes).is_err(), "byte {index}: {:?}", String::from_utf8_lossy(&bytes));
+                assert!(!reads(&bytes), "byte {index}: {:?}", String::from_utf8_lossy(&bytes));
             }
-            assert!(parse(&whole[..index]).is_err(), "cut after {index}");
-            assert!(parse(&[&whole[..index], b"0", &whole[index..]].concat()).is_err(), "more at {index}");
+            assert!(!reads(&whole[..index]), "cut after {index}");
+            assert!(!reads(&[&whole[..index], b"0", &whole[index..]].concat()), "more at {index}");
         }
-        assert!(parse(&[&whole[..], b"\n"].concat()).is_err());
+        assert!(!reads(&[&whole[..], b"\n"].concat()));
     }
 
     #[test]
@@ -236,7 +192,7 @@ pub(super) mod tests {
     fn what_is_no_file_is_refused() {
         let (_folder, file) = file();
         fs::create_dir(file.path()).unwrap();
-        assert!(matches!(file.read(), Err(MemoryError::Unread { .. })));
+        assert!(matches!(file.read(), Err(CheckedFileError::Unread { .. })));
         assert!(file.write(&memory(1, 1)).is_err());
     }
 

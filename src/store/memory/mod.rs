@@ -7,4 +7,4 @@ mod driver;
 mod file;
 
 pub use driver::MemoryDriver;
-pub use file::{MemoryError, MemoryFile};
+pub use file::MemoryFile;
