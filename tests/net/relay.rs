@@ -103,7 +103,7 @@ impl Relay {
         self.line.shape.lock().unwrap().rewrites = bytes;
     }
 
-    /// Gives how many bytes were changed, both ways together.
+    /// Returns how many bytes were changed, both ways together.
     pub fn damaged(&self) -> u64 {
         self.line.damaged.load(Ordering::Relaxed)
     }

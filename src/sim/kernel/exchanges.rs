@@ -12,7 +12,6 @@
 use tomoswarm_proto::{Boot, Hello, Message};
 
 use super::{Alarm, Event, Kernel};
-use crate::actor::Fault;
 use crate::exchange::Exchange;
 use crate::exchange::egress::OutboundFrame;
 use crate::exchange::ingress::Heard;
@@ -38,7 +37,7 @@ pub(super) struct NodeExchange {
 impl NodeExchange {
     /// A node that greets in this way once it is started.
     pub fn greeting(greeting: Hello) -> NodeExchange {
-        NodeExchange { node: greeting.node, ..NodeExchange::silent(greeting.node, Some(greeting)) }
+        NodeExchange::silent(greeting.node, Some(greeting))
     }
 
     /// An operator, which sends so many bytes a second.
@@ -107,8 +106,8 @@ impl Kernel {
     }
 
     /// Hands a frame to a node's exchange; returns what the node is to be told.
-    pub(super) fn hear_frame(&mut self, index: usize, frame: &Frame) -> Result<Option<Heard>, Fault> {
-        let Some(exchange) = &mut self.exchanges[index].exchange else { return Ok(None) };
+    pub(super) fn hear_frame(&mut self, index: usize, frame: &Frame) -> Option<Heard> {
+        let exchange = self.exchanges[index].exchange.as_mut()?;
         let (now, sender) = (self.now, frame.sender());
         let heard = exchange.admit(now, sender, frame.bytes()).and_then(|()| frame.read().clone());
         let reception = match heard {
@@ -119,20 +118,20 @@ impl Kernel {
                     let who = self.name_of(index);
                     self.log(&who, format_args!("refused {what} of {sender} ({count} so far): {refusal}"));
                 }
-                return Ok(None);
+                return None;
             }
         };
         reception.reply.into_iter().for_each(|frame| self.send(index, &frame));
         self.set_exchange_alarm(index);
         match reception.verdict {
-            JoinVerdict::Fine => Ok(reception.heard),
+            JoinVerdict::Fine => reception.heard,
             JoinVerdict::Foreign(reason) | JoinVerdict::Stays(reason) => {
                 self.log(&self.name_of(index), format_args!("{reason}"));
-                Ok(reception.heard)
+                reception.heard
             }
             JoinVerdict::Refused(reason) => {
                 self.refused(index, &reason);
-                Ok(None)
+                None
             }
         }
     }
