@@ -10,10 +10,12 @@
 //! Every frame travels with its CRC-32 beside it (zenoh's attachment, 4 bytes, little endian): TCP's own checksum lets damage
 //! through, and what is damaged may read as another message. A frame without one is read as it is.
 //!
-//! One thread keeps the session: it opens it, opens it anew when nothing was heard for long or a thread of the library has
-//! panicked, and sends what has waited.
+//! One thread keeps the session: it opens it, opens it anew when it has become deaf ([`hearing`]) or a thread of the library
+//! has panicked, and sends what has waited.
 
+mod hearing;
 mod library_panics;
+mod session_id;
 mod zenoh_config;
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -27,8 +29,10 @@ use tomoswarm_proto::{Key, Message, Sender};
 use zenoh::Wait;
 use zenoh::qos::{CongestionControl, Priority};
 use zenoh::sample::Locality;
+use zenoh::session::ZenohId;
 
-use self::library_panics::guarded;
+use self::hearing::{Hearing, WhyAnew};
+use self::library_panics::{PanicsSeen, guarded};
 use super::clock::Clock;
 use super::mailbox::{Troubles, lock};
 use super::subjects;
@@ -44,15 +48,6 @@ use crate::time::Time;
 
 /// Between two tries to open a session.
 const RETRY: Duration = Duration::from_millis(300);
-/// A session in which somebody was heard, and then nobody for this long, is opened anew: its links may be half open.
-const DEAF_AFTER: Duration = Duration::from_secs(15);
-/// One in which nobody was ever heard gets this long: it is seeking its neighbours by itself.
-const ALONE_AFTER: Duration = Duration::from_secs(60);
-/// Between two openings because of panics of the library, and how long one is told as a trouble.
-const PANICS_EVERY: Duration = Duration::from_secs(2);
-const PANICS_TOLD_FOR: Duration = Duration::from_secs(60);
-/// Under which name it is told.
-const LIBRARY: &str = "bus library";
 /// The keeper looks at the session this often when there is nothing to send.
 const LOOKS_EVERY: Duration = Duration::from_secs(1);
 /// A session that does not close within this time is left alone.
@@ -167,10 +162,7 @@ struct Shared {
     /// Whether a message could not be encoded since the start.
     has_failed: AtomicBool,
     subscriber: Box<Subscriber>,
-    /// When a frame was taken last, nanoseconds.
-    heard_at: AtomicU64,
-    /// Whether any was taken in this session.
-    has_heard: AtomicBool,
+    hearing: Mutex<Hearing>,
     sent: AtomicU64,
     sent_bytes: AtomicU64,
     /// The library has panicked in a call of this session: it is not used any more.
@@ -221,8 +213,7 @@ impl Bus {
             is_closing: AtomicBool::new(false),
             has_failed: AtomicBool::new(false),
             subscriber: Box::new(hear),
-            heard_at: AtomicU64::new(clock.now().as_nanos()),
-            has_heard: AtomicBool::new(false),
+            hearing: Mutex::new(Hearing::new(clock.now())),
             sent: AtomicU64::new(0),
             sent_bytes: AtomicU64::new(0),
             is_broken: AtomicBool::new(false),
@@ -324,44 +315,7 @@ impl Mouth {
 
     /// Gives how many nodes this one has a link to.
     pub fn links(&self) -> usize {
-        let session = self.shared.session.read().unwrap_or_else(PoisonError::into_inner);
-        let Some(session) = &*session else { return 0 };
-        let count =
-            || session.info().peers_zid().wait().count() + session.info().routers_zid().wait().count();
-        guarded(count).unwrap_or_default()
-    }
-}
-
-/// Which panics of the library the keeper has answered.
-struct PanicsSeen {
-    count: u64,
-    /// When it answered last.
-    answered: Option<Time>,
-}
-
-impl Default for PanicsSeen {
-    /// What was before this session concerns another one.
-    fn default() -> PanicsSeen {
-        PanicsSeen { count: library_panics::count(), answered: None }
-    }
-}
-
-impl PanicsSeen {
-    /// Returns whether the session is to be opened anew, and tells of it for a while.
-    fn look(&mut self, now: Time, troubles: &Troubles) -> bool {
-        let waits_for = |span| self.answered.is_some_and(|at| now.since(at) < span);
-        let count = library_panics::count();
-        if count == self.count || waits_for(PANICS_EVERY) {
-            if self.answered.is_some() && !waits_for(PANICS_TOLD_FOR) {
-                self.answered = None;
-                troubles.clear(LIBRARY);
-            }
-            return false;
-        }
-        (self.count, self.answered) = (count, Some(now));
-        troubles
-            .raise(LIBRARY, format!("a thread of it panicked ({count} so far): the session is opened anew"));
-        true
+        self.shared.linked().len()
     }
 }
 
@@ -396,8 +350,7 @@ impl Shared {
             let declared = session.declare_subscriber(full).callback(hear).allowed_origin(Locality::Remote);
             declared.background().wait().map_err(|error| settings_error(&error))?;
         }
-        self.heard_at.store(self.clock.now().as_nanos(), Ordering::Relaxed);
-        self.has_heard.store(false, Ordering::Relaxed);
+        lock(&self.hearing).open(self.clock.now());
         self.is_broken.store(false, Ordering::Relaxed);
         *self.session.write().unwrap_or_else(PoisonError::into_inner) = Some(session);
         Ok(())
@@ -437,6 +390,7 @@ impl Shared {
     /// Opens the session anew whenever it is gone or deaf, and sends what has waited.
     fn keep(self: &Arc<Self>) {
         let mut panics = PanicsSeen::default();
+        let mut looked = self.clock.now();
         while !self.is_closing.load(Ordering::Relaxed) {
             if !self.has_session() {
                 if let Err(error) = self.open_session() {
@@ -445,8 +399,8 @@ impl Shared {
                     continue;
                 }
                 self.troubles.clear("bus");
-            } else if self.is_deaf() {
-                tracing::info!("nothing heard on the bus: its session is opened anew");
+            } else if let Some(why) = self.why_anew(&mut looked) {
+                tracing::info!("the bus's session is opened anew: {why}");
                 self.close_session();
                 continue;
             } else if panics.look(self.clock.now(), &self.troubles) {
@@ -463,10 +417,25 @@ impl Shared {
         self.session.read().unwrap_or_else(PoisonError::into_inner).is_some()
     }
 
-    fn is_deaf(&self) -> bool {
-        let heard_at = Time::from_nanos(self.heard_at.load(Ordering::Relaxed));
-        let after = if self.has_heard.load(Ordering::Relaxed) { DEAF_AFTER } else { ALONE_AFTER };
-        self.clock.now().since(heard_at) > after
+    /// Returns why the session is to be opened anew, looking at it now and then.
+    fn why_anew(&self, looked: &mut Time) -> Option<WhyAnew> {
+        let now = self.clock.now();
+        if now.since(*looked) < LOOKS_EVERY {
+            return None;
+        }
+        *looked = now;
+        let prefix = &self.settings.prefix;
+        let links: Vec<Sender> =
+            self.linked().into_iter().filter_map(|id| session_id::node_of(id, prefix)).collect();
+        lock(&self.hearing).look(now, &links)
+    }
+
+    /// Returns the names of the sessions to which there is a link. In a star the hub is told of none.
+    fn linked(&self) -> Vec<ZenohId> {
+        let session = self.session.read().unwrap_or_else(PoisonError::into_inner);
+        let Some(session) = &*session else { return Vec::new() };
+        let info = session.info();
+        guarded(|| info.peers_zid().wait().chain(info.routers_zid().wait()).collect()).unwrap_or_default()
     }
 
     fn close_session(&self) {
@@ -549,10 +518,14 @@ impl Shared {
         let heard = whole.and_then(|()| read(sender, bytes)).and_then(|heard| under_its_key(heard, key));
         let heard = match heard {
             Ok(heard) => heard,
-            Err(refusal) => return self.refuse(Some(sender), key, &refusal),
+            Err(refusal) => {
+                if let Refusal::Damaged = refusal {
+                    lock(&self.hearing).damage(now);
+                }
+                return self.refuse(Some(sender), key, &refusal);
+            }
         };
-        self.heard_at.store(now.as_nanos(), Ordering::Relaxed);
-        self.has_heard.store(true, Ordering::Relaxed);
+        lock(&self.hearing).hear(now, sender);
         let Reception { heard, verdict, reply } = lock(&self.exchange).accept(now, bytes.len(), heard);
         (self.subscriber)(heard, verdict);
         reply.into_iter().for_each(|frame| self.send(frame));

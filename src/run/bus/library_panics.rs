@@ -5,9 +5,19 @@
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Once;
 use std::sync::atomic::{AtomicU64, Ordering};
+use std::time::Duration;
+
+use crate::run::mailbox::Troubles;
+use crate::time::Time;
 
 /// How the library names its threads, each with a number behind it.
 const THREADS: [&str; 5] = ["app-", "acc-", "tx-", "rx-", "net-"];
+
+/// Between two openings because of panics, and how long one is told as a trouble.
+const PANICS_EVERY: Duration = Duration::from_secs(2);
+const PANICS_TOLD_FOR: Duration = Duration::from_secs(60);
+/// Under which name it is told.
+const LIBRARY: &str = "bus library";
 
 static COUNT: AtomicU64 = AtomicU64::new(0);
 static WATCHING: Once = Once::new();
@@ -37,6 +47,39 @@ pub(super) fn guarded<T>(call: impl FnOnce() -> T) -> Option<T> {
 /// Returns how many there were in this process.
 pub(super) fn count() -> u64 {
     COUNT.load(Ordering::Relaxed)
+}
+
+/// Which panics of the library the keeper has answered.
+pub(super) struct PanicsSeen {
+    count: u64,
+    /// When it answered last.
+    answered: Option<Time>,
+}
+
+impl Default for PanicsSeen {
+    /// What was before this session concerns another one.
+    fn default() -> PanicsSeen {
+        PanicsSeen { count: count(), answered: None }
+    }
+}
+
+impl PanicsSeen {
+    /// Returns whether the session is to be opened anew, and tells of it for a while.
+    pub(super) fn look(&mut self, now: Time, troubles: &Troubles) -> bool {
+        let waits_for = |span| self.answered.is_some_and(|at| now.since(at) < span);
+        let count = count();
+        if count == self.count || waits_for(PANICS_EVERY) {
+            if self.answered.is_some() && !waits_for(PANICS_TOLD_FOR) {
+                self.answered = None;
+                troubles.clear(LIBRARY);
+            }
+            return false;
+        }
+        (self.count, self.answered) = (count, Some(now));
+        troubles
+            .raise(LIBRARY, format!("a thread of it panicked ({count} so far): the session is opened anew"));
+        true
+    }
 }
 
 fn is_of_library(thread: &str) -> bool {

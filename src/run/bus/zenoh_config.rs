@@ -3,7 +3,7 @@
 
 use serde_json::{Value, json};
 
-use super::{BusSettings, Topology, Trust};
+use super::{BusSettings, Topology, Trust, session_id};
 
 /// Longest message that is taken from a link, bytes.
 const MESSAGE_MAX: usize = 1 << 20;
@@ -19,6 +19,7 @@ pub fn session(settings: &BusSettings, is_hub: bool) -> Value {
     };
     let listen = if mode == "client" { Vec::new() } else { endpoints(&settings.listen) };
     let mut session = json!({
+        "id": session_id::random(settings.node, &settings.prefix),
         "mode": mode,
         "connect": {
             "endpoints": endpoints(&settings.connect),
