@@ -12,8 +12,8 @@ use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
 use tomoswarm_proto::{
-    Boot, EmergencyStop, Lease, Mission, Order, OrderKind, Ordered, Revision, RunId, SeenState, State,
-    VehicleId,
+    Boot, EmergencyStop, Lease, Mission, Order, OrderKind, Ordered, Revision, RunId, SeenState, StandReason,
+    State, VehicleId,
 };
 
 use crate::geom::Point;
@@ -151,6 +151,10 @@ impl Fleet {
         shown.found = std::mem::take(&mut member.dealings.is_lost);
         let started = member.dealings.take_echo(state.ordered, state.accepted.0, lease);
         shown.started = started.or_else(|| member.dealings.under_way(&state));
+        // Also when a start of before the stop was shown after it: what an open stop holds stands.
+        if let Some(StandReason::Stop(_)) = state.stands_under {
+            member.dealings.be_stopped();
+        }
         member.state = Some((now, state));
         shown
     }
@@ -679,6 +683,34 @@ mod tests {
         assert_eq!((fleet.standing(), ordered(&fleet)), (Some(OrderKind::Land), vec![two]));
         heard(&mut fleet, 3, 2, OrderKind::Start);
         assert_eq!(fleet.standing(), None);
+    }
+
+    #[test]
+    fn what_an_open_stop_holds_stands_also_when_a_start_of_before_it_is_shown_later() {
+        use tomoswarm_proto::{EmergencyName, StopScope};
+        let open = [EmergencyStop {
+            name: EmergencyName(7),
+            scope: StopScope::All,
+            by: tomoswarm_proto::OperatorId(1),
+        }];
+        let mut fleet = Fleet::new(&[ONE], LEASE);
+        heard(&mut fleet, 1, 1, OrderKind::Hold);
+        fleet.stop(&open);
+        heard(&mut fleet, 2, 2, OrderKind::Start);
+        let stopped = StandReason::Stop(EmergencyName(7));
+        let started = state(3, 2, Some(OrderKind::Start));
+        fleet.heard_state(Time::ZERO, State { stands_under: Some(stopped), ..started.clone() });
+        assert_eq!(fleet.standing(), Some(OrderKind::Hold));
+        fleet.stop(&[]);
+        let held = State { sequence: 4, stands_under: Some(StandReason::Held), ..started.clone() };
+        fleet.heard_state(Time::ZERO, held);
+        assert_eq!(fleet.standing(), Some(OrderKind::Hold), "it was lifted, and moves nobody");
+        heard(&mut fleet, 5, 3, OrderKind::Start);
+        assert_eq!(fleet.standing(), None);
+        // One that knew nothing of the stop, such as a ground station that was started anew, sees it all the same.
+        let mut other = Fleet::new(&[ONE], LEASE);
+        other.heard_state(Time::ZERO, State { stands_under: Some(stopped), ..started });
+        assert_eq!(other.standing(), Some(OrderKind::Hold));
     }
 
     #[test]

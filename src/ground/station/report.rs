@@ -1,6 +1,6 @@
 //! What the station says of itself once a second, for operators and other grounds.
 
-use tomoswarm_proto::{Message, Report, StationPhase, VehicleId};
+use tomoswarm_proto::{Message, OrderKind, Report, StationPhase, VehicleId};
 
 use super::{Out, Phase, Station};
 use crate::sweep::Succession;
@@ -35,7 +35,8 @@ impl Station {
             expected: self.fleet.members().map(|(id, _)| id).collect(),
             members: planned_for.map_or_else(|| self.fleet.present(), |known| known.members().to_vec()),
             lost: self.fleet.lost(),
-            in_force: self.standing,
+            // Also while another ground station is obeyed, which alone brings that to an end.
+            in_force: self.standing.into_iter().chain(self.fleet.standing()).reduce(OrderKind::stronger),
             runs: self.runs.reports(|run| self.samples.count(run)),
             troubles: self.troubles(),
         }))
