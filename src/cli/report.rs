@@ -12,7 +12,7 @@ use crate::geom::Point;
 use crate::ground::imager::Subject;
 use crate::node::mission::End;
 use crate::sim::bus::BytesByKind;
-use crate::sim::{Found, Mission, Outcome, Scenario};
+use crate::sim::{Found, Mission, Outcome, Scenario, ScenarioError, Seen};
 use crate::time::Time;
 use crate::tomo::{Link, WeightRows, npy_bytes, runs_along_a_side};
 
@@ -36,6 +36,13 @@ pub const FAMILY: &[&str] = &[
     "run.log",
     "summary.json",
 ];
+
+/// How much of what can be seen the map has found.
+#[derive(Clone, Copy, Debug)]
+struct SeenCells {
+    found: usize,
+    of: usize,
+}
 
 /// The figures of a run.
 #[derive(Debug)]
@@ -63,14 +70,24 @@ pub struct Report {
     persons: Vec<(String, Point)>,
     /// How the mission of each vehicle ended; empty for a sweep.
     missions: Vec<Mission>,
+    /// Of the cells of surfaces that can be seen, how many the map has found; `None` for a sweep.
+    seen: Option<SeenCells>,
     /// Images that could not be made, with the reason.
     not_made: Vec<String>,
 }
 
 impl Report {
     /// Gathers the figures of an outcome.
-    pub fn new(scenario: &Scenario, outcome: &Outcome, seed: u64, wall: Duration) -> Report {
-        Report {
+    ///
+    /// # Errors
+    /// The scene cannot be built.
+    pub fn new(
+        scenario: &Scenario,
+        outcome: &Outcome,
+        seed: u64,
+        wall: Duration,
+    ) -> Result<Report, ScenarioError> {
+        Ok(Report {
             seed,
             scene: scenario.sim().scene.name.clone(),
             vehicles: scenario.sim().vehicles.count,
@@ -93,8 +110,9 @@ impl Report {
             found: outcome.found(),
             persons: outcome.persons.iter().map(|person| (person.name.clone(), person.at)).collect(),
             missions: missions(scenario, outcome),
+            seen: seen(scenario, outcome)?,
             not_made: not_made(scenario, outcome),
-        }
+        })
     }
 
     fn speed_factor(&self) -> f64 {
@@ -146,7 +164,14 @@ impl Report {
         let line = |(vehicle, end): &Mission| {
             format!("mission           vehicle {vehicle} {}\n", ended(end.as_ref()))
         };
-        self.missions.iter().map(line).collect()
+        let lines: String = self.missions.iter().map(line).collect();
+        let seen = self.seen.filter(|seen| seen.of > 0).map_or(String::new(), |SeenCells { found, of }| {
+            let percent = 100.0 * found as f64 / of as f64;
+            format!(
+                "seen              {percent:.1} % of the surfaces that can be seen: {found} of {of} cells\n"
+            )
+        });
+        lines + &seen
     }
 
     /// Gives what was found and what was not in lines.
@@ -214,10 +239,21 @@ impl Report {
             "bus_bytes_per_vehicle_s": self.bus_bytes_per_vehicle_s,
             "found": self.found.iter().map(found).collect::<Vec<_>>(),
             "persons": self.persons.iter().map(person).collect::<Vec<_>>(),
+            "visible_cells": self.seen.map(|seen| seen.of),
+            "detected_cells": self.seen.map(|seen| seen.found),
             "missions": self.missions.iter().map(mission).collect::<Vec<_>>(),
             "version": env!("CARGO_PKG_VERSION"),
         })
     }
+}
+
+/// Returns how much of what can be seen vehicles have found that are not out for a sweep.
+fn seen(scenario: &Scenario, outcome: &Outcome) -> Result<Option<SeenCells>, ScenarioError> {
+    if scenario.sim().task.is_planned_by_ground() {
+        return Ok(None);
+    }
+    let seen = Seen::find(scenario)?;
+    Ok(Some(SeenCells { found: seen.detected(outcome), of: seen.visible.cells.len() }))
 }
 
 /// Tells which images there are none of, and why.

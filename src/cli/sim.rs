@@ -243,7 +243,8 @@ pub(super) fn publish(
     if with_pictures {
         write_pictures(&mut folder, scenario, outcome)?;
     }
-    let report = Report::new(scenario, outcome, seed, wall);
+    let report =
+        Report::new(scenario, outcome, seed, wall).map_err(|error| CliError::Fault(error.to_string()))?;
     report.write(&mut folder)?;
     let target = folder.publish()?;
     let kinds = if with_pictures { "pictures and data" } else { "data" };

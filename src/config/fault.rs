@@ -3,7 +3,7 @@
 use toml::de::DeValue;
 use tomoswarm_proto::VehicleId;
 
-use super::keys::{Bounds, Choice, Entry, Form, Keys, Number, Words, written_list};
+use super::keys::{Bounds, Choice, Entry, Flag, Form, Keys, Number, Words, written_list};
 use super::section::{Section, whole_of};
 use super::source::Source;
 use crate::time::Time;
@@ -14,13 +14,13 @@ const RESTART_S: f64 = 3.0;
 /// What goes wrong.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub enum FaultKind {
-    /// The vehicle neither hears nor reaches anybody on the bus.
+    /// The node neither hears nor reaches anybody on the bus.
     Bus,
     /// The vehicle neither hears nor reaches anybody by radio.
     Radio,
-    /// The vehicle's software ends; it stands until it starts again.
+    /// The node's software ends; a vehicle stands until it starts again.
     Restart,
-    /// The vehicle's software ends for good; it stands.
+    /// The node's software ends for good; a vehicle stands.
     Dead,
     /// The range sensor answers nothing.
     Sensor,
@@ -30,7 +30,7 @@ pub enum FaultKind {
     Battery(f64),
 }
 
-/// A fault of some vehicles.
+/// A fault of some nodes.
 #[derive(Clone, PartialEq, Debug)]
 pub struct Fault {
     /// When it begins.
@@ -39,8 +39,10 @@ pub struct Fault {
     pub until: Time,
     /// What goes wrong.
     pub kind: FaultKind,
-    /// For whom, ascending.
+    /// For which vehicles, ascending.
     pub vehicles: Vec<VehicleId>,
+    /// Whether for the ground station.
+    pub ground: bool,
 }
 
 impl Fault {
@@ -93,8 +95,10 @@ pub struct PlannedFault {
     pub at_s: f64,
     /// When it is over, seconds; `None` = not before the end.
     pub until_s: Option<f64>,
-    /// For whom, ascending.
+    /// For which vehicles, ascending.
     pub vehicles: Vec<VehicleId>,
+    /// Whether for the ground station.
+    pub ground: bool,
 }
 
 impl PlannedFault {
@@ -110,12 +114,13 @@ impl PlannedFault {
             FaultWord::Battery => FaultKind::Battery(self.charge),
         };
         let until = self.until_s.map_or(Time::NEVER, Time::from_secs_f64);
-        Fault { from: Time::from_secs_f64(self.at_s), until, kind, vehicles: self.vehicles.clone() }
+        let from = Time::from_secs_f64(self.at_s);
+        Fault { from, until, kind, vehicles: self.vehicles.clone(), ground: self.ground }
     }
 
     /// Shows the keys of a fault in a simulation of so many vehicles.
     pub(super) fn keys(&mut self, vehicles: usize, to: &mut dyn Keys) {
-        let PlannedFault { kind, charge, at_s, until_s, vehicles: whom } = self;
+        let PlannedFault { kind, charge, at_s, until_s, vehicles: whom, ground } = self;
         let means = "`bus`, `radio`: hears and reaches nobody; `sensor`: no readings; `gps`: the deviation of the \
                      place grows; `restart`: the software ends, and starts again at until_s; `dead`: it ends for good; \
                      `battery`: has another charge at once";
@@ -130,8 +135,11 @@ impl PlannedFault {
             until_s,
             moment("until_s", "for good", "when it is over; a `restart` takes 3 s by itself"),
         );
-        let means = "list of those that it hits, such as [1, 2]";
-        to.form(&mut Whom { whom, vehicles }, Entry { name: "vehicles", left_out: "all", means });
+        let means = "whether it hits the ground station; for `bus`, `restart` and `dead` only";
+        to.flag(ground, Flag { name: "ground", default: false, means });
+        let means = "list of those that it hits, such as [1, 2]; left out beside `ground = true`: none";
+        let whom = &mut Whom { whom, vehicles, all: !*ground };
+        to.form(whom, Entry { name: "vehicles", left_out: "all", means });
     }
 
     /// Checks its keys together; `key` is its full name. What depends on others is filled in.
@@ -144,6 +152,10 @@ impl PlannedFault {
         if self.until_s.is_some() && matches!(self.kind, FaultWord::Dead | FaultWord::Battery) {
             source.refuse(&until, "has no effect for this kind", "it must be left out");
         }
+        if self.ground && !matches!(self.kind, FaultWord::Bus | FaultWord::Restart | FaultWord::Dead) {
+            let rule = "it must be left out, or the kind be bus, restart or dead";
+            source.refuse(&format!("{key}.ground"), "has no effect for this kind", rule);
+        }
         if self.kind == FaultWord::Restart {
             self.until_s.get_or_insert(self.at_s + RESTART_S);
         }
@@ -154,6 +166,8 @@ impl PlannedFault {
 struct Whom<'a> {
     whom: &'a mut Vec<VehicleId>,
     vehicles: usize,
+    /// Whether it hits all of them when nothing is said.
+    all: bool,
 }
 
 impl Form for Whom<'_> {
@@ -162,7 +176,10 @@ impl Form for Whom<'_> {
     }
 
     fn read(&mut self, section: &Section<'_>, key: &'static str) {
-        *self.whom = read_vehicles(section, key, self.vehicles);
+        *self.whom = match section.has(key) || self.all {
+            true => read_vehicles(section, key, self.vehicles),
+            false => Vec::new(),
+        };
     }
 }
 

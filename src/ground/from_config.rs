@@ -4,7 +4,6 @@ use std::time::Duration;
 
 use tomoswarm_proto::{Boot, Lease, RunId, VehicleId};
 
-use super::GroundNode;
 use super::imager::{Imager, Subject};
 use super::planner::{Method, Planner};
 use super::station::StationSettings;
@@ -16,7 +15,7 @@ use crate::sweep::{PatternKind, Ring, SweepError};
 use crate::tomo::{MapSettings, Prior, SPOT_M, Settings as ImageSettings, Solver, TomoError, WeightModel};
 
 /// What a ground station is made of, before it begins.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub struct GroundParts {
     /// What the station is told.
     pub station: StationSettings,
@@ -37,12 +36,12 @@ pub enum PartsError {
     Image(#[from] TomoError),
 }
 
-/// Makes the ground station of a simulation's file, with the positions that are measured from; `store` names its
+/// Returns what the ground station of a simulation's file is made of, with the positions that are measured from; `store` names its
 /// store of samples.
 ///
 /// # Errors
 /// The image has an impossible grid.
-pub fn ground_node(sim: &Sim, ring: Ring, lease: Lease, store: u64) -> Result<GroundNode, TomoError> {
+pub fn simulated_ground(sim: &Sim, ring: Ring, lease: Lease, store: u64) -> Result<GroundParts, TomoError> {
     let told = Told {
         venue: &sim.venue,
         vehicles: sim.vehicle_ids().collect(),
@@ -60,7 +59,7 @@ pub fn ground_node(sim: &Sim, ring: Ring, lease: Lease, store: u64) -> Result<Gr
             store,
         },
     };
-    Ok(GroundNode::new(told.parts(ring)?))
+    told.parts(ring)
 }
 
 /// Gives what the ground station of a node's file is made of; its answers are there as soon as they are found. `boot`

@@ -24,6 +24,12 @@ impl GroundNode {
         }
     }
 
+    /// Starts anew, with what its disk has kept.
+    pub fn restart(&mut self, mut source: Source) {
+        let mut before = std::mem::replace(&mut self.node, LocalNode::new(&mut source));
+        self.node.go_on_from(&mut before);
+    }
+
     /// Gives the station, for the outcome of a run.
     pub fn station(&self) -> &Station {
         self.node.actors().station.place.actor()

@@ -181,20 +181,14 @@ fn resume(
             None
         }
     });
-    if let Some(memory) = memory {
-        tracing::info!(
-            "goes on with run {:?}; {} batches of samples stored",
-            memory.run(),
-            restored.samples.len()
-        );
-        return Station::resume(settings, memory, restored.samples, restored.tiles);
+    let is_begun_anew = memory.is_none();
+    if let Some(memory) = &memory {
+        let stored = restored.samples.len();
+        tracing::info!("goes on with run {:?}; {stored} batches of samples stored", memory.run());
     }
-    let mut station = Station::new(settings);
-    station.recall_runs(restored.runs.iter().map(|run| (run.run, run.closed_utc_s.is_some())));
-    let samples = restored.samples.into_iter().map(Message::Samples);
-    for message in samples.chain(restored.tiles.into_iter().map(Message::Tile)) {
-        // Nothing that is stored can stop a station, and nothing that it says of it is news.
-        let _ = station.handle(Time::ZERO, station::In::Bus(message), &mut Vec::new());
+    let mut station = Station::restored(settings, memory, restored.samples, restored.tiles);
+    if is_begun_anew {
+        station.recall_runs(restored.runs.iter().map(|run| (run.run, run.closed_utc_s.is_some())));
     }
     station
 }

@@ -16,10 +16,10 @@ pub struct Faults {
 /// What a fault of software does at the moment of its beginning or end.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub enum Turn {
-    /// The software of a vehicle ends.
-    Ends(VehicleId),
-    /// The software of a vehicle starts.
-    Starts(VehicleId),
+    /// The software of a node ends.
+    Ends(Sender),
+    /// The software of a node starts.
+    Starts(Sender),
 }
 
 impl Faults {
@@ -59,7 +59,7 @@ impl Faults {
             .collect()
     }
 
-    /// Returns what happens to the software of vehicles, and when.
+    /// Returns what happens to the software of nodes, and when.
     pub fn turns(&self) -> Vec<(Time, Turn)> {
         self.list.iter().flat_map(turns_of).filter(|(at, _)| *at < Time::NEVER).collect()
     }
@@ -75,19 +75,25 @@ impl Faults {
             .collect()
     }
 
-    /// Gives the faults of the bus as what it knows: a vehicle without it is a piece of its own.
+    /// Returns the faults of the bus as what it knows: a node without it is a piece of its own.
     pub fn partitions(&self) -> impl Iterator<Item = Partition> {
         let of_bus = self.list.iter().filter(|fault| fault.kind == FaultKind::Bus);
         of_bus.map(|fault| Partition {
             from: fault.from,
             until: fault.until,
-            sides: fault.vehicles.iter().map(|vehicle| vec![Sender::Vehicle(*vehicle)]).collect(),
+            sides: whom(fault).map(|node| vec![node]).collect(),
         })
     }
 }
 
+/// Returns which nodes it hits.
+fn whom(fault: &Fault) -> impl Iterator<Item = Sender> + '_ {
+    let ground = fault.ground.then_some(Sender::Ground);
+    fault.vehicles.iter().copied().map(Sender::Vehicle).chain(ground)
+}
+
 fn turns_of(fault: &Fault) -> Vec<(Time, Turn)> {
-    let each = |at: Time, turn: fn(VehicleId) -> Turn| fault.vehicles.iter().map(move |id| (at, turn(*id)));
+    let each = |at: Time, turn: fn(Sender) -> Turn| whom(fault).map(move |node| (at, turn(node)));
     match fault.kind {
         FaultKind::Dead => each(fault.from, Turn::Ends).collect(),
         FaultKind::Restart => each(fault.from, Turn::Ends).chain(each(fault.until, Turn::Starts)).collect(),
@@ -103,7 +109,7 @@ mod tests {
 
     fn fault(kind: FaultKind) -> Fault {
         let (from, until) = (Time::from_secs_f64(5.0), Time::from_secs_f64(9.0));
-        Fault { from, until, kind, vehicles: vec![VehicleId(1), VehicleId(3)] }
+        Fault { from, until, kind, vehicles: vec![VehicleId(1), VehicleId(3)], ground: false }
     }
 
     #[test]
@@ -121,9 +127,13 @@ mod tests {
     fn a_restart_ends_and_starts_and_a_dead_one_stays_dead() {
         let turns = Faults::new(vec![fault(FaultKind::Restart)]).turns();
         assert_eq!(turns.len(), 4);
-        assert!(turns.contains(&(Time::from_secs_f64(9.0), Turn::Starts(VehicleId(3)))));
+        assert!(turns.contains(&(Time::from_secs_f64(9.0), Turn::Starts(Sender::Vehicle(VehicleId(3))))));
         let turns = Faults::new(vec![fault(FaultKind::Dead)]).turns();
         assert_eq!(turns.len(), 2);
+        let of_ground = Fault { vehicles: Vec::new(), ground: true, ..fault(FaultKind::Restart) };
+        let turns = [(5.0, Turn::Ends(Sender::Ground)), (9.0, Turn::Starts(Sender::Ground))];
+        let turns = turns.map(|(at_s, turn)| (Time::from_secs_f64(at_s), turn));
+        assert_eq!(Faults::new(vec![of_ground]).turns(), turns);
     }
 
     #[test]

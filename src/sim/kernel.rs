@@ -30,6 +30,7 @@ use super::bus::{Bus, Frame, NodeId};
 use super::disk::Disk;
 use super::environment::{DeviceCommand, Environment, WorldEvent};
 use super::faults::{Faults, Turn};
+use super::ground_disk::GroundDisk;
 use super::judge::{Judge, Verdict};
 use super::noise::Noise;
 use super::outcome::Recorder;
@@ -37,6 +38,7 @@ use super::queue::EventQueue;
 use super::shown::{Shown, Shows};
 use crate::actor::Fault;
 use crate::exchange::ingress::Heard;
+use crate::ground::from_config::GroundParts;
 use crate::ground::station::Note as GroundNote;
 use crate::ground::{self, GroundNode};
 use crate::node::mission::Remark as MissionRemark;
@@ -114,7 +116,8 @@ pub(super) struct Parts {
     /// What each of them was told, to be told again when it restarts.
     pub settings: Vec<node::Settings>,
     pub faults: Faults,
-    pub ground: GroundNode,
+    /// What the ground station is made of, also when it restarts.
+    pub ground: GroundParts,
     pub operators: Vec<SimulatedOperator>,
     pub judge: Judge,
     pub until: Time,
@@ -141,6 +144,8 @@ pub(super) struct Kernel {
     is_dead: Vec<bool>,
     disks: Vec<Disk>,
     ground: GroundNode,
+    ground_parts: GroundParts,
+    ground_disk: GroundDisk,
     operators: Vec<SimulatedOperator>,
     alarms: Vec<Alarm>,
     judge: Judge,
@@ -153,6 +158,8 @@ pub(super) struct Kernel {
     vehicle_effects: Vec<node::Effect>,
     ground_effects: Vec<ground::Effect>,
     world_events: Vec<WorldEvent>,
+    /// Who was started anew since a recording looked; nobody looks otherwise.
+    begun_anew: Vec<NodeId>,
 }
 
 impl Kernel {
@@ -164,6 +171,8 @@ impl Kernel {
         let operators = parts.operators.iter();
         let operators = operators
             .map(|operator| NodeExchange::listening(NodeId::Operator(operator.id), egress_bytes_per_s));
+        let starts_anew = |(_, turn): &(Time, Turn)| *turn == Turn::Starts(NodeId::Ground);
+        let ground_disk = GroundDisk::new(parts.faults.turns().iter().any(starts_anew));
         let exchanges = parts.greetings.into_iter().map(NodeExchange::greeting).chain(operators).collect();
         let mut kernel = Kernel {
             now: Time::ZERO,
@@ -178,7 +187,9 @@ impl Kernel {
             faults: parts.faults,
             is_dead: vec![false; count],
             disks: vec![Disk::default(); count],
-            ground: parts.ground,
+            ground: GroundNode::new(parts.ground.clone()),
+            ground_parts: parts.ground,
+            ground_disk,
             alarms: vec![Alarm::default(); count + 1 + parts.operators.len()],
             operators: parts.operators,
             judge: parts.judge,
@@ -191,6 +202,7 @@ impl Kernel {
             vehicle_effects: Vec::new(),
             ground_effects: Vec::new(),
             world_events: Vec::new(),
+            begun_anew: Vec::new(),
         };
         kernel.prime();
         kernel
@@ -328,6 +340,8 @@ impl Kernel {
     }
 
     fn tell_ground(&mut self, event: ground::Event) -> Result<(), Fault> {
+        let ground::Event::Bus(_, message) = &event;
+        self.ground_disk.keep(message);
         self.ground.tell(self.now, event, &mut self.ground_effects)?;
         self.carry_out_ground();
         self.set_alarm(self.vehicles.len());
@@ -537,10 +551,10 @@ impl Kernel {
             match effect {
                 ground::Effect::Publish(message) => self.publish(self.vehicles.len(), &message),
                 ground::Effect::Picture(picture) => self.record.picture(self.now, picture),
-                // A simulated ground station has no store, and is never started anew from its memory.
-                ground::Effect::Remember(_) | ground::Effect::BeginRun { .. } | ground::Effect::EndRun(_) => {
-                }
-                ground::Effect::KeepStops(_) => {}
+                ground::Effect::Remember(memory) => self.ground_disk.remember(memory),
+                ground::Effect::KeepStops(stops) => self.ground_disk.keep_stops(stops),
+                // What was measured is not told from run to run here.
+                ground::Effect::BeginRun { .. } | ground::Effect::EndRun(_) => {}
                 ground::Effect::StopsNote(remark) => self.log("ground", format_args!("{remark}")),
                 ground::Effect::Note(note) => self.ground_note(&note),
             }

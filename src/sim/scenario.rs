@@ -23,9 +23,9 @@ use crate::actor::Fault;
 use crate::autopilot::Kind;
 use crate::config::{self, Craft, Drivers, Expect, PlannedFault, PlannedPartition, Sim};
 use crate::geom::Point;
+use crate::ground::from_config::{self, GroundParts};
 use crate::ground::imager::Subject;
 use crate::ground::planner::Method;
-use crate::ground::{GroundNode, from_config};
 use crate::node::{Settings as NodeSettings, VehicleNode};
 use crate::operator::script::Step;
 use crate::scene::{Attenuation, Outline, Person, Scene, SceneError, VrmlShape};
@@ -402,10 +402,10 @@ impl Scenario {
         }
     }
 
-    fn ground(&self) -> Result<GroundNode, ScenarioError> {
+    fn ground(&self) -> Result<GroundParts, ScenarioError> {
         let draw = |id: u64| self.noise.hash(Purpose::Start, &[id]);
         let lease = Lease { number: 1, holder: draw(u64::MAX) };
-        Ok(from_config::ground_node(&self.sim, self.ring.clone(), lease, draw(u64::MAX - 1))?)
+        Ok(from_config::simulated_ground(&self.sim, self.ring.clone(), lease, draw(u64::MAX - 1))?)
     }
 
     /// Gives how an image is made of a subject.

@@ -545,4 +545,10 @@ fn copters_above_the_ceiling_and_winds_too_strong_are_refused() {
         "[vehicles]\naltitude_m = 9.8\n[[fault]]\nkind = \"gps\"\n",
         &["configs/a.toml:6: fault[0].at_s: is missing; a number from 0 to 1000000 is allowed"],
     );
+    check_sim(
+        "[[fault]]\nkind = \"radio\"\nat_s = 1\nground = true\n",
+        &[
+            "configs/a.toml:7: fault[0].ground = true: has no effect for this kind; it must be left out, or the kind be bus, restart or dead",
+        ],
+    );
 }

@@ -1,6 +1,8 @@
 //! What a swarm does when bus, radio, software, sensor or battery of its vehicles fail: it is safe, whatever happens,
 //! and goes on when the ground can decide again.
 
+use std::collections::BTreeSet;
+
 use crate::place::{Place, assert_settled};
 
 fn place(vehicles: usize, root: &str, faults: &str) -> Place {
@@ -43,6 +45,32 @@ fn a_vehicle_that_restarts_is_planned_for_anew_and_no_sample_is_lost() {
         assert!(outcome.log.contains("its software starts, boot 2"));
         assert_settled(&outcome);
     }
+}
+
+#[test]
+fn a_ground_station_that_restarts_goes_on_with_its_run_and_no_sample_is_lost() {
+    let twice =
+        [60.0, 120.0].map(|at_s| format!("[[fault]]\nkind = \"restart\"\nat_s = {at_s}\nground = true\n"));
+    for seed in 1..4 {
+        let outcome = place(3, "until_s = 3000.0", &twice.concat()).seed(seed).run_to_the_end();
+        let log = &outcome.log;
+        assert!(log.contains("ground its software starts, boot 3"), "{}", crate::place::tail(log));
+        assert_eq!(log.matches("ground RunClosed").count(), 1);
+        assert_settled(&outcome);
+    }
+}
+
+#[test]
+fn vehicles_whose_ground_station_is_gone_drive_their_plan_to_its_end() {
+    let outcome = place(3, "until_s = 600.0", &fault("dead", "ground = true")).run_safely();
+    let log = &outcome.log;
+    assert!(log.contains("ground its software ends") && !log.contains("ground its software starts"));
+    assert_eq!(log.matches("has driven its plan").count(), 3, "{}", crate::place::tail(log));
+    let maps = log.lines().filter(|line| line.contains("vehicle") && line.contains(" holds map "));
+    let maps: BTreeSet<_> =
+        maps.filter_map(|line| line.split(" holds map ").nth(1)?.split(',').next()).collect();
+    assert_eq!(maps.len(), 1, "they tell each other what they see");
+    assert!(!outcome.finished);
 }
 
 #[test]

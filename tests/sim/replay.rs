@@ -17,6 +17,7 @@ use tomoswarm::operator::operator_actor::Operator;
 use tomoswarm::sim::Entry;
 use tomoswarm::sim::bus::NodeId;
 use tomoswarm::stops::Stops;
+use tomoswarm_proto::VehicleId;
 use tomoswarm_proto::codec::{pack, unpack};
 
 use crate::place::Place;
@@ -186,4 +187,34 @@ fn an_actor_restored_at_any_moment_goes_on_as_the_original() {
         assert!(person.operator.steps > 500 && person.operator.restored > 2 && person.stops.steps > 500);
         assert!(ground.station.steps > 500 && ground.planner.steps >= 2 && ground.imager.steps >= 2);
     }
+}
+
+#[test]
+fn who_is_started_anew_is_recorded_from_there() {
+    let restart = "[[fault]]\nkind = \"restart\"\nat_s = 30.0\nground = true\nvehicles = [2]\n";
+    let place = Place::new(8.0, 8.0).root("until_s = 60.0").with(restart);
+    let (mut rovers, mut ground) = (BTreeMap::<_, Rover>::new(), Ground::default());
+    let mut segments = Vec::new();
+    let mut record = |entry: Entry| match entry {
+        Entry::Segment { node: node @ NodeId::Vehicle(id), now, snapshots } => {
+            segments.push((node, now.as_secs_f64()));
+            rovers.insert(id, Rover::default());
+            snapshots.iter().for_each(|snapshot| rovers.entry(id).or_default().restore(snapshot));
+        }
+        Entry::Segment { node: NodeId::Ground, now, snapshots } => {
+            segments.push((NodeId::Ground, now.as_secs_f64()));
+            ground = Ground::default();
+            snapshots.iter().for_each(|snapshot| ground.restore(snapshot))
+        }
+        Entry::Step(NodeId::Vehicle(id), step) => rovers.entry(id).or_default().take(&step),
+        Entry::Step(NodeId::Ground, step) => ground.take(&step),
+        Entry::Segment { node: NodeId::Operator(_), .. } | Entry::Step(NodeId::Operator(_), _) => {}
+    };
+    let long = Duration::from_secs(1000);
+    place.scenario().run_recorded(&mut |_| true, long, &mut record).unwrap();
+    let of = |node| segments.iter().filter(|(of, _)| *of == node).map(|(_, at_s)| *at_s).collect::<Vec<_>>();
+    assert_eq!(of(NodeId::Vehicle(VehicleId(1))), [0.0]);
+    assert_eq!(of(NodeId::Vehicle(VehicleId(2))), [0.0, 33.0]);
+    assert_eq!(of(NodeId::Ground), [0.0, 33.0]);
+    assert!(ground.station.steps > 100 && rovers[&VehicleId(2)].vehicle.steps > 100, "both go on");
 }

@@ -4,13 +4,12 @@ use std::fmt::Write;
 
 use serde::{Deserialize, Serialize};
 
-use super::seen::Seen;
 use crate::config::{Axis, Experiment};
 use crate::geom::Point;
 use crate::node::mission;
 use crate::scene::Person;
 use crate::sim::visible;
-use crate::sim::{Mission, Outcome, log};
+use crate::sim::{Mission, Outcome, SLICE, Seen, log};
 
 /// How a run ended.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize)]
@@ -75,9 +74,6 @@ pub(super) struct Row {
     pub(super) log_hash: String,
 }
 
-/// The map's slice in which rovers drive.
-const SLICE: i16 = 0;
-
 impl Row {
     /// Makes the row of a run that came to no outcome.
     pub(super) fn without_figures(run: usize, end: End, why: String) -> Row {
@@ -105,7 +101,6 @@ impl Row {
     pub(super) fn of(run: usize, outcome: &Outcome, seen: &Seen) -> Row {
         let tracks = || outcome.tracks.iter().map(|(_, track)| track.as_slice());
         let route = seen.visible.along(&seen.scene, &seen.sight, tracks());
-        let found = |cells| visible::detected(&outcome.map, SLICE, cells);
         Row {
             run,
             end: if outcome.finished { End::Finished } else { End::Failed },
@@ -117,9 +112,9 @@ impl Row {
             simulated_s: outcome.simulated.as_secs_f64(),
             occupied_cells: visible::occupied(&outcome.map, SLICE),
             visible_cells: seen.visible.cells.len(),
-            detected_cells: found(&seen.visible.cells),
+            detected_cells: seen.detected(outcome),
             route_cells: route.len(),
-            route_detected_cells: found(&route),
+            route_detected_cells: visible::detected(&outcome.map, SLICE, &route),
             path_m: tracks().map(length_m).fold(0.0, |sum, length_m| sum + length_m),
             clearance_m: visible::least_clearance_m(&seen.scene, seen.body, tracks(), &|at| {
                 to_nearest_m(&outcome.persons, at)

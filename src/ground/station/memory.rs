@@ -10,13 +10,14 @@
 //! has not given. Plans that were being made are asked for again, and pictures that were due are made again.
 
 use serde::{Deserialize, Serialize};
-use tomoswarm_proto::{Lease, OrderKind, Revision, RunId, Samples, TileReport, VehicleId};
+use tomoswarm_proto::{Lease, Message, OrderKind, Revision, RunId, Samples, TileReport, VehicleId};
 
 use super::super::fleet::Dealings;
 use super::super::imager::{Picture, Subject};
 use super::leases::Leases;
 use super::runs::Runs;
-use super::{Out, Phase, Station, StationSettings, Sweep, Wished};
+use super::{In, Out, Phase, Station, StationSettings, Sweep, Wished};
+use crate::actor::Actor;
 use crate::sweep::Succession;
 use crate::time::Time;
 
@@ -163,6 +164,26 @@ impl Station {
         });
         tiles.into_iter().for_each(|tile| station.join(Time::ZERO, &tile));
         station.remembered = Some(station.brief());
+        station
+    }
+
+    /// Makes a station that is started anew, with what was stored of samples and tiles, in any order: it goes on where an
+    /// earlier one was, as far as that is remembered. Otherwise it begins, and no run counts as begun.
+    pub fn restored(
+        settings: StationSettings,
+        memory: Option<Memory>,
+        samples: impl IntoIterator<Item = Samples>,
+        tiles: impl IntoIterator<Item = TileReport>,
+    ) -> Station {
+        if let Some(memory) = memory {
+            return Station::resume(settings, memory, samples, tiles);
+        }
+        let mut station = Station::new(settings);
+        let samples = samples.into_iter().map(Message::Samples);
+        for message in samples.chain(tiles.into_iter().map(Message::Tile)) {
+            // Nothing that is stored can stop a station, and nothing that it says of it is news.
+            let _ = station.handle(Time::ZERO, In::Bus(message), &mut Vec::new());
+        }
         station
     }
 

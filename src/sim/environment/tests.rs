@@ -25,7 +25,7 @@ fn begun(world: World, faults: Vec<Fault>) -> Environment {
 }
 
 fn fault(kind: FaultKind, from_s: f64, until_s: f64) -> Fault {
-    Fault { from: secs(from_s), until: secs(until_s), kind, vehicles: vec![ONE] }
+    Fault { from: secs(from_s), until: secs(until_s), kind, vehicles: vec![ONE], ground: false }
 }
 
 fn beacon(sender: u8, sequence: u32) -> DeviceCommand {

@@ -66,6 +66,11 @@ impl Kernel {
         self.set_exchange_alarm(index);
     }
 
+    /// Returns whether the software of a node runs.
+    pub(super) fn runs(&self, index: usize) -> bool {
+        self.exchanges[index].exchange.is_some()
+    }
+
     /// Takes a node off the bus.
     pub(super) fn leave(&mut self, index: usize) {
         let of_node = &mut self.exchanges[index];

@@ -2,15 +2,22 @@
 
 use tomoswarm_proto::{Boot, VehicleId};
 
-use super::{Alarm, Kernel};
+use super::{Alarm, Kernel, NodeId};
+use crate::ground::from_config::GroundParts;
+use crate::ground::station::StationSettings;
 use crate::node::mission::MissionStatus;
 use crate::sim::faults::Turn;
+use crate::sim::noise::Purpose;
 
 impl Kernel {
     pub(super) fn fail(&mut self, turn: Turn) {
         match turn {
-            Turn::Ends(vehicle) => self.die(vehicle),
-            Turn::Starts(vehicle) => self.restart(vehicle),
+            Turn::Ends(NodeId::Vehicle(vehicle)) => self.die(vehicle),
+            Turn::Ends(NodeId::Ground) => self.end_ground(),
+            Turn::Starts(NodeId::Vehicle(vehicle)) => self.restart(vehicle),
+            Turn::Starts(NodeId::Ground) => self.restart_ground(),
+            // An operator's end is not what a file can say.
+            Turn::Ends(NodeId::Operator(_)) | Turn::Starts(NodeId::Operator(_)) => {}
         }
     }
 
@@ -42,6 +49,34 @@ impl Kernel {
         self.log(&format!("vehicle {vehicle}"), format_args!("its software starts, boot {boot}"));
         self.join(index, boot);
         self.set_alarm(index);
+        self.begun_anew.push(NodeId::Vehicle(vehicle));
+    }
+
+    /// Ends the ground station's software: what it has not kept is gone.
+    fn end_ground(&mut self) {
+        let index = self.vehicles.len();
+        self.log("ground", format_args!("its software ends"));
+        self.alarms[index] = Alarm { at: None, generation: self.alarms[index].generation + 1 };
+        self.leave(index);
+    }
+
+    /// Starts the ground station's software anew, with what its disk holds: as a live one it listens first, and draws a new
+    /// name for the lease that it may hold.
+    fn restart_ground(&mut self) {
+        let index = self.vehicles.len();
+        if self.runs(index) {
+            return;
+        }
+        let settings = &mut self.ground_parts.station;
+        settings.boot = Boot(settings.boot.0.saturating_add(1));
+        let boot = settings.boot;
+        let holder = self.noise.hash(Purpose::Start, &[u64::MAX, u64::from(boot.0)]);
+        let station = StationSettings { lease: None, holder, ..settings.clone() };
+        self.ground.restart(self.ground_disk.source(GroundParts { station, ..self.ground_parts.clone() }));
+        self.log("ground", format_args!("its software starts, boot {boot}"));
+        self.join(index, boot);
+        self.set_alarm(index);
+        self.begun_anew.push(NodeId::Ground);
     }
 
     /// Gives how many vehicles are alive, how many of them are home, and how many stand and stay.

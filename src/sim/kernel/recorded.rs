@@ -41,22 +41,30 @@ impl Kernel {
         for operator in &mut self.operators {
             hand_out(NodeId::Operator(operator.id), operator.node.steps());
         }
-        if self.now < recording.next_at {
+        let is_due = self.now >= recording.next_at;
+        if is_due {
+            recording.next_at = self.now + recording.every;
+        }
+        // Who was started anew does not go on from the steps before.
+        let anew = std::mem::take(&mut self.begun_anew);
+        if !is_due && anew.is_empty() {
             return Ok(());
         }
-        recording.next_at = self.now + recording.every;
+        let begins = |node: &NodeId| is_due || anew.contains(node);
         let unwritable = |error: tomoswarm_proto::codec::EncodeError| Fault {
             actor: "snapshot",
             reason: error.to_string(),
         };
         let now = self.now;
-        for vehicle in &mut self.vehicles {
+        for vehicle in self.vehicles.iter_mut().filter(|vehicle| begins(&NodeId::Vehicle(vehicle.id()))) {
             let (node, snapshots) = (NodeId::Vehicle(vehicle.id()), vehicle.snapshots().map_err(unwritable)?);
             (recording.record)(Entry::Segment { node, now, snapshots });
         }
-        let (node, snapshots) = (NodeId::Ground, self.ground.snapshots().map_err(unwritable)?);
-        (recording.record)(Entry::Segment { node, now, snapshots });
-        for operator in &mut self.operators {
+        if begins(&NodeId::Ground) {
+            let (node, snapshots) = (NodeId::Ground, self.ground.snapshots().map_err(unwritable)?);
+            (recording.record)(Entry::Segment { node, now, snapshots });
+        }
+        for operator in self.operators.iter_mut().filter(|operator| begins(&NodeId::Operator(operator.id))) {
             let snapshots = operator.node.snapshots().map_err(unwritable)?;
             (recording.record)(Entry::Segment { node: NodeId::Operator(operator.id), now, snapshots });
         }

@@ -1,0 +1,63 @@
+//! The disk of a simulated ground station: what a live one's store holds of a run under way. It outlives a restart, never fails
+//! and takes no time. Pictures are kept by the run's record.
+
+use std::collections::BTreeMap;
+
+use tomoswarm_proto::{LayerId, Message, Samples, Standing, TileAddress, TileReport};
+
+use crate::ground::from_config::GroundParts;
+use crate::ground::station::{Memory, Station};
+use crate::ground::wiring::Source;
+use crate::stops::StopsSettings;
+
+/// What a ground station that is started anew goes on from.
+#[derive(Clone, Debug, Default)]
+pub(super) struct GroundDisk {
+    /// Nothing is kept that nobody will read.
+    is_read: bool,
+    memory: Option<Box<Memory>>,
+    stops: Standing,
+    samples: Vec<Samples>,
+    tiles: BTreeMap<(LayerId, TileAddress), TileReport>,
+}
+
+impl GroundDisk {
+    /// Makes an empty one; `is_read` = the ground station will be started anew.
+    pub fn new(is_read: bool) -> GroundDisk {
+        GroundDisk { is_read, ..GroundDisk::default() }
+    }
+
+    /// Keeps what the station needs, in place of what it needed before.
+    pub fn remember(&mut self, memory: Box<Memory>) {
+        self.memory = self.is_read.then_some(memory);
+    }
+
+    /// Keeps what emergency stops the ground station knows.
+    pub fn keep_stops(&mut self, stops: Standing) {
+        self.stops = stops;
+    }
+
+    /// Keeps what a message brings of measurements and of the map.
+    pub fn keep(&mut self, message: &Message) {
+        match message {
+            _ if !self.is_read => {}
+            Message::Samples(batch) => self.samples.push(batch.clone()),
+            Message::Tile(tile) => {
+                let place = (tile.layer, tile.address);
+                if self.tiles.get(&place).is_none_or(|kept| kept.revision < tile.revision) {
+                    self.tiles.insert(place, tile.clone());
+                }
+            }
+            _ => {}
+        }
+    }
+
+    /// Returns what a ground station begins with that is started anew.
+    pub fn source(&self, parts: GroundParts) -> Source {
+        let memory = self.memory.as_deref().cloned();
+        let (samples, tiles) = (self.samples.iter().cloned(), self.tiles.values().cloned());
+        let resumed = Station::restored(parts.station.clone(), memory, samples, tiles);
+        let stops = StopsSettings { kept: self.stops.clone(), ..StopsSettings::default() };
+        Source { parts, resumed: Some(resumed), stops }
+    }
+}
