@@ -286,19 +286,7 @@ mod tests {
     use tomoswarm_proto::{Boot, VehicleId};
 
     fn hello(node: Sender, instance: u64) -> Hello {
-        Hello {
-            node,
-            boot: Boot(1),
-            venue_hash: 5,
-            instance,
-            is_member: false,
-            member_for_s: 0,
-            name: String::new(),
-            software: String::new(),
-            capabilities: vec![],
-            lease: None,
-            interest: vec![],
-        }
+        Hello::asking(node, Boot(1), 5, instance)
     }
 
     const TWO: Sender = Sender::Vehicle(VehicleId(2));

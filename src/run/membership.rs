@@ -107,17 +107,9 @@ pub fn greeting(
     capabilities: Vec<Capability>,
 ) -> Result<Hello, NoChance> {
     Ok(Hello {
-        node,
-        boot,
-        venue_hash: venue.hash(),
-        instance: draw()?,
-        is_member: false,
-        member_for_s: 0,
-        name: String::new(),
         software: SOFTWARE.to_owned(),
         capabilities,
-        lease: None,
-        interest: Vec::new(),
+        ..Hello::asking(node, boot, venue.hash(), draw()?)
     })
 }
 

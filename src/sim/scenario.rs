@@ -289,17 +289,8 @@ impl Scenario {
 
     fn greeting(&self, node: Sender) -> Hello {
         Hello {
-            node,
-            boot: Boot(1),
-            venue_hash: self.sim.venue.hash(),
-            instance: 0,
-            is_member: false,
-            member_for_s: 0,
-            name: String::new(),
             software: env!("CARGO_PKG_VERSION").to_owned(),
-            capabilities: Vec::new(),
-            lease: None,
-            interest: Vec::new(),
+            ..Hello::asking(node, Boot(1), self.sim.venue.hash(), 0)
         }
     }
 

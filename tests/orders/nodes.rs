@@ -71,19 +71,8 @@ pub fn place_of(id: VehicleId) -> Point {
 
 impl Hand {
     pub fn new(number: u8) -> Hand {
-        let hello = Hello {
-            node: Sender::Operator(OperatorId(number)),
-            boot: Boot(0),
-            venue_hash: 5,
-            instance: u64::from(number),
-            is_member: true,
-            member_for_s: 0,
-            software: String::new(),
-            capabilities: vec![],
-            name: String::new(),
-            lease: None,
-            interest: vec![],
-        };
+        let node = Sender::Operator(OperatorId(number));
+        let hello = Hello { is_member: true, ..Hello::asking(node, Boot(0), 5, u64::from(number)) };
         let holder = 50 + u64::from(number);
         let all: BTreeSet<VehicleId> = (1..=VEHICLES).map(VehicleId).collect();
         let settings = OperatorSettings { hello, greets: true, holder, expected: all };
