@@ -61,8 +61,8 @@ fn state() -> In {
 /// The vehicle shows what somebody else has ordered it: by the lease in force, above all that it was ordered before.
 fn shows(station: &mut Station, time_s: f64, run: RunId, kind: OrderKind) -> Vec<Out> {
     let (_, member) = station.fleet.members().next().unwrap();
-    let issued = member.dealings.issued.as_ref().map(|order| order.revision);
-    let echo = member.dealings.echo.map(|ordered| ordered.revision);
+    let issued = member.dealings().open_order().map(|order| order.revision);
+    let echo = member.state().map(|state| state.ordered.revision);
     let revision = Revision(issued.max(echo).unwrap_or_default().0 + 1);
     let sequence = station.fleet.newest_state(ONE).map_or(1, |seen| seen.sequence + 1);
     let In::Bus(Message::State(state)) = state() else { unreachable!() };
