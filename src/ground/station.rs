@@ -512,6 +512,4 @@ impl Actor for Station {
 }
 
 #[cfg(test)]
-mod swarm;
-#[cfg(test)]
 mod tests;
