@@ -50,7 +50,7 @@ fn state(id: u8, boot: u32, sequence: u64) -> Message {
     })
 }
 
-/// Gives one message of each kind that makes those who keep it grow.
+/// Returns one message of each kind that makes those who keep it grow.
 fn flood(number: u32) -> [(String, Message); 3] {
     let me = VehicleId(9);
     let layer = LayerId { vehicle: me, boot: Boot(number / 7) };

@@ -90,7 +90,7 @@ impl Hand {
         }
     }
 
-    /// Tells which want an order is of: the newest one of this kind for this vehicle.
+    /// Returns which want an order is of: the newest one of this kind for this vehicle.
     pub fn want_of(&self, order: &Order) -> Option<WantId> {
         let is_of = |want: &Want| {
             want.kind == order.kind && (want.vehicles.is_empty() || want.vehicles.contains(&order.vehicle))
@@ -169,7 +169,7 @@ impl Rover {
         }
     }
 
-    /// Tells whether such an order was in force at any moment of a span.
+    /// Returns whether such an order was in force at any moment of a span.
     pub fn was_in_force(&self, from: Time, until: Time, is_it: impl Fn(&Ordered) -> bool) -> bool {
         let ends = self.history.iter().skip(1).map(|(at, _)| *at).chain([Time::NEVER]);
         let spans = self.history.iter().zip(ends);

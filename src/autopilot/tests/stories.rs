@@ -23,7 +23,7 @@ fn link(kind: Kind, heard: Report) -> AutopilotLink {
     link
 }
 
-/// Tells it something, after what was due before; gives what it says.
+/// Tells it something, after what was due before; returns what it says.
 fn told(link: &mut AutopilotLink, time_s: f64, input: In) -> Vec<Out> {
     let mut out = Vec::new();
     while let Some(due) = link.deadline().filter(|due| due.at < at(time_s)) {
@@ -39,12 +39,12 @@ fn commands(out: &[Out]) -> Vec<Command> {
     out.iter().filter_map(of).collect()
 }
 
-/// Tells it a want; gives what it commands.
+/// Tells it a want; returns what it commands.
 fn wanted(link: &mut AutopilotLink, time_s: f64, fly: Fly) -> Vec<Command> {
     commands(&told(link, time_s, In::Fly(fly)))
 }
 
-/// Answers the last command; gives what it says then.
+/// Answers the last command; returns what it says then.
 fn answered(link: &mut AutopilotLink, time_s: f64, result: CommandAck) -> Vec<Out> {
     let number = link.number;
     let arm_refusal = (result == CommandAck::Failed).then_some(ArmRefusal::NoPlace);

@@ -37,7 +37,7 @@ struct World {
     rovers: Vec<Rover>,
     report: Option<Report>,
     sent: Vec<(Time, Order)>,
-    /// Tells whether an order with this running number is lost.
+    /// Returns whether an order with this running number is lost.
     loses: fn(usize) -> bool,
     /// From when on the vehicles' states come.
     states_from: Time,
