@@ -17,6 +17,8 @@ mod report;
 mod steering;
 #[cfg(test)]
 mod tests;
+#[cfg(test)]
+pub(crate) mod tests_support;
 
 pub use command::{Ack, ArmRefusal, Command, CommandAck, Kind, Mode, NumberedCommand};
 pub use fly::Fly;

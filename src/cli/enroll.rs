@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 
 use tomoswarm_proto::{Sender, VehicleId};
 
-use super::enroll_files::{NodeConfig, endpoints, file_name, vehicles_line};
+use super::enroll_files::{NodeConfig, endpoint_list, file_name, vehicle_list, with_end, with_list};
 use super::error::CliError;
 use super::read;
 use crate::config::{self, Config, Endpoint, Protocol, Topology, Venue};
@@ -302,21 +302,48 @@ impl Swarm {
         Ok(Some(aside))
     }
 
-    /// Lists the enrolled vehicles in the ground station's configuration, where that line still is as it was written;
-    /// tells whether it lists them all.
+    /// Lists the enrolled vehicles in the ground station's configuration, where that list still is as it was written;
+    /// returns whether it lists them all.
     fn list_in_ground(&self, next: &Roster) -> Result<bool, CliError> {
-        let folder = self.node_folder(Sender::Ground);
-        let path = folder.join(file_name(Sender::Ground));
-        let (before, after) = (vehicles_line(&vehicles_of(&self.roster)), vehicles_line(&vehicles_of(next)));
-        if before == after || !path.exists() {
+        let (before, after) = (vehicle_list(&vehicles_of(&self.roster)), vehicle_list(&vehicles_of(next)));
+        if before == after {
+            return Ok(true);
+        }
+        let is_known = |list: &str| list == before || list == after;
+        self.edit_config(Sender::Ground, |text| {
+            with_list(text, "vehicles", |list| is_known(list).then_some(after.clone()))
+        })
+    }
+
+    /// Names the vehicles that are reached in the configuration of the operator of a mesh, where that list ends as it was
+    /// written.
+    fn name_in_operator(&self, before: &[Endpoint], after: &[Endpoint]) -> Result<(), CliError> {
+        let (before, after) = (endpoint_list(before), endpoint_list(after));
+        self.edit_config(OPERATOR, |text| {
+            let mesh = Some(text).filter(|text| text.contains("topology = \"mesh\""))?;
+            with_list(mesh, "connect", |list| with_end(list, &before, &after))
+        })?;
+        Ok(())
+    }
+
+    /// Edits the configuration of a node, if there is one; returns whether it says then what it is to say. `edited` gives
+    /// `None` where people have written something else.
+    fn edit_config(
+        &self,
+        node: Sender,
+        edited: impl FnOnce(&str) -> Option<String>,
+    ) -> Result<bool, CliError> {
+        let folder = self.node_folder(node);
+        let path = folder.join(file_name(node));
+        if !path.exists() {
             return Ok(true);
         }
         let text = read::text(&path)?;
-        if text.matches(&before).count() != 1 {
-            return Ok(text.contains(&after));
+        let Some(edited) = edited(&text) else { return Ok(false) };
+        if edited != text {
+            let file = NewFile::open(file_name(node), edited);
+            replace_file(&folder, &file).map_err(|source| CliError::Write { path, source })?;
         }
-        let file = NewFile::open(file_name(Sender::Ground), text.replace(&before, &after));
-        replace_file(&folder, &file).map_err(|source| CliError::Write { path, source })?;
         Ok(true)
     }
 
@@ -336,39 +363,6 @@ impl Swarm {
             Some(Endpoint { protocol: Protocol::Tls, host, port })
         };
         vehicles_of(roster).into_iter().filter_map(endpoint).collect()
-    }
-
-    /// Names the vehicles that are reached in the operator's configuration, where that list ends as it was written.
-    fn name_in_operator(&self, before: &[Endpoint], after: &[Endpoint]) -> Result<(), CliError> {
-        let folder = self.node_folder(OPERATOR);
-        let path = folder.join(file_name(OPERATOR));
-        if before == after || !path.exists() {
-            return Ok(());
-        }
-        let text = read::text(&path)?;
-        let listed = |of: &[Endpoint]| endpoints(&of.iter().collect::<Vec<_>>());
-        let is_mesh = text.contains("topology = \"mesh\"");
-        let lines = text.lines().map(|line| match is_mesh && line.starts_with("connect = [") {
-            true => with_vehicles(line, &listed(before), &listed(after)),
-            false => line.to_owned(),
-        });
-        let text: String = lines.map(|line| line + "\n").collect();
-        let file = NewFile::open(file_name(OPERATOR), text);
-        replace_file(&folder, &file).map_err(|source| CliError::Write { path, source })
-    }
-}
-
-/// Returns a line that lists the ground station and then these vehicles, with others in their place; any other line as it is.
-fn with_vehicles(line: &str, before: &str, after: &str) -> String {
-    let Some((list, rest)) = line.split_once(']') else { return line.to_owned() };
-    let ground = match before.is_empty() {
-        true => Some(list),
-        false => list.strip_suffix(before).and_then(|list| list.strip_suffix(", ")),
-    };
-    match ground {
-        Some(ground) if after.is_empty() => format!("{ground}]{rest}"),
-        Some(ground) => format!("{ground}, {after}]{rest}"),
-        None => line.to_owned(),
     }
 }
 

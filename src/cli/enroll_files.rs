@@ -25,7 +25,7 @@ pub struct NodeConfig {
     pub reached: Vec<Endpoint>,
 }
 
-/// Gives the name of a node's configuration.
+/// Returns the name of a node's configuration.
 pub fn file_name(node: Sender) -> &'static str {
     match node {
         Sender::Ground => "ground.toml",
@@ -34,16 +34,52 @@ pub fn file_name(node: Sender) -> &'static str {
     }
 }
 
-/// Returns the key of a ground station's configuration that lists its vehicles.
-pub fn vehicles_line(vehicles: &[VehicleId]) -> String {
+/// Returns vehicles as they stand in a list of a configuration, between its brackets.
+pub fn vehicle_list(vehicles: &[VehicleId]) -> String {
     let ids: Vec<String> = vehicles.iter().map(ToString::to_string).collect();
-    format!("vehicles = [{}]", ids.join(", "))
+    ids.join(", ")
 }
 
-/// Returns endpoints as they stand in a list of a configuration.
-pub fn endpoints(list: &[&Endpoint]) -> String {
-    let list: Vec<String> = list.iter().map(|endpoint| quoted(&endpoint.to_string())).collect();
+/// Returns endpoints as they stand in a list of a configuration, between its brackets.
+pub fn endpoint_list<'a>(endpoints: impl IntoIterator<Item = &'a Endpoint>) -> String {
+    let list: Vec<String> = endpoints.into_iter().map(|endpoint| quoted(&endpoint.to_string())).collect();
     list.join(", ")
+}
+
+/// Returns a configuration with another list under a key, and all else as it was. `changed` is given what stands between the
+/// brackets. `None` = the key does not stand once with its list on one line, or `changed` makes nothing of it.
+pub fn with_list(text: &str, key: &str, changed: impl FnOnce(&str) -> Option<String>) -> Option<String> {
+    let opening = format!("{key} = [");
+    let is_first = |at: &usize| text[..*at].ends_with('\n') || *at == 0;
+    let mut openings = text.match_indices(&opening).map(|(at, _)| at).filter(is_first);
+    let (at, None) = (openings.next()?, openings.next()) else { return None };
+    let (before, list) = text.split_at(at + opening.len());
+    let (list, after) = list.split_at(end_of_list(list)?);
+    Some(format!("{before}{}{after}", changed(list)?))
+}
+
+/// Returns where the bracket stands that ends a list, in the same line; brackets in strings end nothing.
+fn end_of_list(list: &str) -> Option<usize> {
+    let mut is_in_string = false;
+    for (at, c) in list.char_indices() {
+        match c {
+            '"' => is_in_string = !is_in_string,
+            ']' if !is_in_string => return Some(at),
+            '\n' => return None,
+            _ => {}
+        }
+    }
+    None
+}
+
+/// Returns a list that ends with these items with others in their place; `None` = it ends otherwise.
+pub fn with_end(list: &str, former: &str, items: &str) -> Option<String> {
+    let first = match list.strip_suffix(former)? {
+        first if first.is_empty() || former.is_empty() => first,
+        first => first.strip_suffix(", ")?,
+    };
+    let parts: Vec<&str> = [first, items].into_iter().filter(|part| !part.is_empty()).collect();
+    Some(parts.join(", "))
 }
 
 impl NodeConfig {
@@ -62,8 +98,8 @@ impl NodeConfig {
         let own = match self.node {
             Sender::Ground => {
                 format!(
-                    "kind = \"ground\"\nvenue = \"venue.toml\"\n{}\n{state}",
-                    vehicles_line(&self.vehicles)
+                    "kind = \"ground\"\nvenue = \"venue.toml\"\nvehicles = [{}]\n{state}",
+                    vehicle_list(&self.vehicles)
                 )
             }
             Sender::Vehicle(id) => {
@@ -89,13 +125,12 @@ impl NodeConfig {
             // An operator must reach the vehicles of a mesh when the ground station is dead.
             let names_all = matches!(self.node, Sender::Operator(_)) && self.topology == Topology::Mesh;
             let vehicles: &[Endpoint] = if names_all { &self.reached } else { &[] };
-            let all: Vec<&Endpoint> = [&ground].into_iter().chain(vehicles).collect();
-            text += &format!("connect = [{}]\n", endpoints(&all));
+            text += &format!("connect = [{}]\n", endpoint_list([&ground].into_iter().chain(vehicles)));
         }
         text + "ca = \"ca.pem\"\ncertificate = \"certificate.pem\"\nkey = \"key.pem\"\nroster = \"roster.txt\"\n"
     }
 
-    /// Gives where the node listens: on its own machine, unless others are to reach it.
+    /// Returns where the node listens: on its own machine, unless others are to reach it.
     fn listen(&self) -> Endpoint {
         let host = if self.is_reached { "0.0.0.0" } else { "127.0.0.1" };
         // Several nodes of one machine cannot all have the same port.
@@ -123,3 +158,47 @@ driver = \"sim\"
 connect = \"127.0.0.1:7500\"
 token = \"choose-a-word\"
 ";
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn check(text: &str, expected: Option<&str>) {
+        let changed = with_list(text, "connect", |list| with_end(list, "1, 2", "3"));
+        assert_eq!(changed.as_deref(), expected, "{text}");
+    }
+
+    #[test]
+    fn a_list_is_changed_where_it_is_as_it_was_written_and_all_else_stays() {
+        check("a = 1\nconnect = [0, 1, 2] # 5\nb = 2", Some("a = 1\nconnect = [0, 3] # 5\nb = 2"));
+        check("connect = [0, 1, 2]\r\n", Some("connect = [0, 3]\r\n"));
+        check("connect = [\"[::1]:7\", 1, 2]\n", Some("connect = [\"[::1]:7\", 3]\n"));
+        for other in [
+            "",
+            "connect = [0, 2, 1]\n",
+            "connect = [\n0, 1, 2]\n",
+            "# connect = [0, 1, 2]\n",
+            "connect = [0, 1, 2]\nconnect = [0, 1, 2]\n",
+            "reconnect = [0, 1, 2]\n",
+            "connect = [0, 1, 2",
+        ] {
+            check(other, None);
+        }
+    }
+
+    #[test]
+    fn items_at_the_end_of_a_list_are_replaced_added_and_taken_away() {
+        for (list, former, items, expected) in [
+            ("0", "", "1", Some("0, 1")),
+            ("0, 1", "1", "2, 3", Some("0, 2, 3")),
+            ("0, 1", "1", "", Some("0")),
+            ("0, 1", "", "", Some("0, 1")),
+            ("0, 11", "1", "2", None),
+            ("1", "1", "2", Some("2")),
+            ("", "", "1", Some("1")),
+            ("1", "2", "3", None),
+        ] {
+            assert_eq!(with_end(list, former, items).as_deref(), expected, "{list}, {former}, {items}");
+        }
+    }
+}

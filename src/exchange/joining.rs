@@ -116,12 +116,12 @@ impl Joining {
         }
     }
 
-    /// Tells whether the node takes part.
+    /// Returns whether the node takes part.
     pub fn is_member(&self) -> bool {
         self.own.is_member
     }
 
-    /// Tells whether what a node says is listened to.
+    /// Returns whether what a node says is listened to.
     pub fn listens_to(&self, node: Sender) -> bool {
         !self.known.get(&node).is_some_and(|known| known.is_silenced)
     }
@@ -131,7 +131,7 @@ impl Joining {
         self.met.get_or_insert(now);
     }
 
-    /// Gives a greeting when one is due; also ends the asking when nobody has objected.
+    /// Returns a greeting when one is due; also ends the asking when nobody has objected.
     pub fn greet(&mut self, now: Time) -> Option<Hello> {
         let has_asked = self.met.is_some_and(|met| now.since(met) >= ASKS_FOR);
         let is_alone = self.met.is_none() && now.since(self.since) >= ALONE_AFTER;
@@ -143,13 +143,13 @@ impl Joining {
         is_due.then(|| self.greeting(now))
     }
 
-    /// Gives an answer to whoever does not fit, if one is due now; never ends the asking.
+    /// Returns an answer to whoever does not fit, if one is due now; never ends the asking.
     pub fn greet_if_due(&mut self, now: Time) -> Option<Hello> {
         let is_free = self.greeted.is_none_or(|at| now.since(at) >= EVERY_ANSWER);
         (self.own.is_member && self.owes && is_free).then(|| self.greeting(now))
     }
 
-    /// Gives when to greet next.
+    /// Returns when to greet next.
     pub fn next(&self) -> Time {
         self.greeted.map_or(self.since, |at| at + self.every())
     }
@@ -183,7 +183,7 @@ impl Joining {
         Hello { member_for_s: self.member_for_s(now), ..self.own.clone() }
     }
 
-    /// Gives how long the node has been a member, whole seconds.
+    /// Returns how long the node has been a member, whole seconds.
     fn member_for_s(&self, now: Time) -> u32 {
         let member_for_s = now.since(self.member_since).as_secs();
         if self.own.is_member { u32::try_from(member_for_s).unwrap_or(u32::MAX) } else { 0 }
@@ -260,7 +260,7 @@ impl Joining {
 }
 
 impl Known {
-    /// Tells whether one that does not fit is new, and whether it is answered.
+    /// Returns whether one that does not fit is new, and whether it is answered.
     fn misfit(&mut self, now: Time, greeting: &Greeting) -> (bool, bool) {
         if let Some(known) = self.misfits.iter_mut().find(|known| known.greeting == *greeting) {
             if now.since(known.heard) >= FORGOTTEN {
@@ -286,19 +286,7 @@ mod tests {
     use tomoswarm_proto::{Boot, VehicleId};
 
     fn hello(node: Sender, instance: u64) -> Hello {
-        Hello {
-            node,
-            boot: Boot(1),
-            venue_hash: 5,
-            instance,
-            is_member: false,
-            member_for_s: 0,
-            name: String::new(),
-            software: String::new(),
-            capabilities: vec![],
-            lease: None,
-            interest: vec![],
-        }
+        Hello::asking(node, Boot(1), 5, instance)
     }
 
     const TWO: Sender = Sender::Vehicle(VehicleId(2));

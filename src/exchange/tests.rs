@@ -49,19 +49,7 @@ struct Swarm {
 impl Swarm {
     /// Lets a node begin to ask; returns its place.
     fn join(&mut self, name: Sender, instance: u64, venue_hash: u64) -> usize {
-        let own = Hello {
-            node: name,
-            boot: Boot(1),
-            venue_hash,
-            instance,
-            is_member: false,
-            member_for_s: 0,
-            name: String::new(),
-            software: String::new(),
-            capabilities: vec![],
-            lease: None,
-            interest: vec![],
-        };
+        let own = Hello::asking(name, Boot(1), venue_hash, instance);
         let exchange = Exchange::new(BYTES_PER_S, Presence::asking(self.now, own));
         self.nodes.push(Node { name, exchange, heard: vec![], verdicts: vec![] });
         self.nodes.len() - 1

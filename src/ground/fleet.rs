@@ -1,76 +1,23 @@
-//! What the ground knows of each vehicle: its newest state and progress, when it was heard, what it was ordered and by
-//! whom. What follows from that is the station's business.
-//!
-//! **Orders by several.** The station and an operator's `order` use the same lease, each with a revision above the
-//! vehicle's echo; the higher (lease, revision) wins, and a vehicle obeys only what is above its echo. So an echo that
-//! is not the station's own order shows what somebody else has ordered: a Start, or something that *stands* until the
-//! next Start of that vehicle. An own order that lost is given up, never raised over the other one; a Start that was on its
-//! way when somebody stopped the vehicle, and came later, lifts nothing: what stands is ordered again, above it.
+//! The vehicles that the ground expects: who is there, who is lost, and what is asked of or ordered to all of them. What one
+//! of them has said is a [`Member`], what it was ordered and by whom are its [`Dealings`]. What follows from that is the
+//! station's business.
+
+mod dealings;
+mod member;
 
 use std::collections::BTreeMap;
 use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
 use tomoswarm_proto::{
-    Boot, EmergencyStop, Lease, Mission, Order, OrderKind, Ordered, Revision, RunId, SeenState, StandReason,
-    State, VehicleId,
+    EmergencyStop, Lease, Mission, Order, OrderKind, Revision, RunId, SeenState, State, VehicleId,
 };
 
-use crate::geom::Point;
+pub use self::dealings::Dealings;
+pub use self::member::{Member, Shown};
 use crate::stops::first_that_stops;
-use crate::sweep::{LOWER_BOOT_AFTER, VehicleProgress};
+use crate::sweep::VehicleProgress;
 use crate::time::Time;
-
-/// What must not be forgotten of a vehicle when the ground station starts anew.
-#[derive(Clone, PartialEq, Debug, Default, Serialize, Deserialize)]
-pub struct Dealings {
-    /// Newest start of its software that was heard.
-    pub boot: Option<Boot>,
-    /// What the station has ordered last.
-    pub issued: Option<Order>,
-    /// Whether that order is still to be repeated.
-    pub is_pending: bool,
-    /// Whether it was said; then it may be on its way.
-    pub is_said: bool,
-    /// An own start that was said, and given up because somebody else has stopped the vehicle.
-    pub crossing: Option<Order>,
-    /// What it said last that it was ordered.
-    pub echo: Option<Ordered>,
-    /// The run that it had been started for before anything was heard of it, as long as it shows nothing else.
-    pub earlier: Option<RunId>,
-    /// What it was ordered other than Start, by anyone, since its last Start; the strongest.
-    pub stands: Option<OrderKind>,
-    /// Whether it has been silent for too long while others were heard.
-    pub is_lost: bool,
-}
-
-/// One vehicle as the ground sees it.
-#[derive(Clone, Debug, Default, Serialize, Deserialize)]
-pub struct Member {
-    /// Its newest state, and when it came.
-    pub state: Option<(Time, State)>,
-    /// Its newest progress.
-    pub progress: Option<VehicleProgress>,
-    /// What the newest start of its software has said of its mission last.
-    pub mission: Option<Mission>,
-    /// When it last said its state. Progress alone is no sign of life: it comes on when the autopilot is silent.
-    pub heard_at: Option<Time>,
-    /// What was dealt with it.
-    pub dealings: Dealings,
-}
-
-/// What a message of a vehicle has shown.
-#[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
-pub struct Shown {
-    /// Its software has been started anew.
-    pub restarted: bool,
-    /// It was lost, and is back.
-    pub found: bool,
-    /// It has got on with its plan.
-    pub got_on: bool,
-    /// Somebody else has ordered it to begin this run.
-    pub started: Option<RunId>,
-}
 
 /// All vehicles that the ground expects.
 #[derive(Clone, Debug, Serialize, Deserialize)]
@@ -89,48 +36,47 @@ impl Fleet {
     pub fn recall(&mut self, dealings: &[(VehicleId, Dealings)]) {
         for (vehicle, known) in dealings {
             if let Some(member) = self.members.get_mut(vehicle) {
-                member.dealings = known.clone();
+                member.recall(known.clone());
             }
         }
     }
 
-    /// Gives the vehicles, ascending.
+    /// Returns the vehicles, ascending.
     pub fn members(&self) -> impl Iterator<Item = (VehicleId, &Member)> {
         self.members.iter().map(|(id, member)| (*id, member))
     }
 
-    /// Gives what was dealt with each vehicle, ascending.
+    /// Returns what was dealt with each vehicle, ascending.
     pub fn dealings(&self) -> Vec<(VehicleId, Dealings)> {
-        self.members().map(|(id, member)| (id, member.dealings.clone())).collect()
+        self.members().map(|(id, member)| (id, member.dealings().clone())).collect()
     }
 
-    /// Tells whether a vehicle is one of the fleet.
+    /// Returns whether a vehicle is one of the fleet.
     pub fn expects(&self, vehicle: VehicleId) -> bool {
         self.members.contains_key(&vehicle)
     }
 
-    /// Gives how many vehicles there are, lost ones included.
+    /// Returns how many vehicles there are, lost ones included.
     pub fn len(&self) -> usize {
         self.members.len()
     }
 
-    /// Gives the vehicles that are not lost, ascending.
+    /// Returns the vehicles that are not lost, ascending.
     pub fn present(&self) -> Vec<VehicleId> {
-        self.members().filter(|(_, member)| !member.dealings.is_lost).map(|(id, _)| id).collect()
+        self.members().filter(|(_, member)| !member.dealings().is_lost()).map(|(id, _)| id).collect()
     }
 
-    /// Gives the vehicles that are lost, ascending.
+    /// Returns the vehicles that are lost, ascending.
     pub fn lost(&self) -> Vec<VehicleId> {
-        self.members().filter(|(_, member)| member.dealings.is_lost).map(|(id, _)| id).collect()
+        self.members().filter(|(_, member)| member.dealings().is_lost()).map(|(id, _)| id).collect()
     }
 
-    /// Gives the vehicles that are waited for and have not been heard yet, ascending.
+    /// Returns the vehicles that are waited for and have not been heard yet, ascending.
     pub fn unheard(&self) -> Vec<VehicleId> {
-        let is_unheard = |member: &Member| member.state.is_none() && !member.dealings.is_lost;
-        self.members().filter(|(_, member)| is_unheard(member)).map(|(id, _)| id).collect()
+        self.members().filter(|(_, member)| member.is_unheard()).map(|(id, _)| id).collect()
     }
 
-    /// Gives by which right orders and plans are given.
+    /// Returns by which right orders and plans are given.
     pub fn lease(&self) -> Lease {
         self.lease
     }
@@ -138,92 +84,66 @@ impl Fleet {
     /// Takes a state; older ones and those of strangers change nothing, and those of an earlier start only after a long
     /// silence.
     pub fn heard_state(&mut self, now: Time, state: State) -> Shown {
-        let lease = self.lease;
-        let Some(member) = self.members.get_mut(&state.vehicle) else { return Shown::default() };
-        let key = |state: &State| (state.boot, state.sequence);
-        let is_old = member.state.as_ref().is_some_and(|(_, known)| key(&state) <= key(known))
-            || member.dealings.boot.is_some_and(|boot| state.boot < boot);
-        if is_old && !member.counts_anew(now, state.boot) {
-            return Shown::default();
+        match self.members.get_mut(&state.vehicle) {
+            Some(member) => member.hear_state(now, state, self.lease),
+            None => Shown::default(),
         }
-        let mut shown = member.hear(state.boot);
-        member.heard_at = Some(now);
-        shown.found = std::mem::take(&mut member.dealings.is_lost);
-        let started = member.dealings.take_echo(state.ordered, state.accepted.0, lease);
-        shown.started = started.or_else(|| member.dealings.under_way(&state));
-        // Also when a start of before the stop was shown after it: what an open stop holds stands.
-        if let Some(StandReason::Stop(_)) = state.stands_under {
-            member.dealings.be_stopped();
-        }
-        member.state = Some((now, state));
-        shown
     }
 
     /// Takes a progress; one of an older start of the software, or a lower revision of the same run, changes nothing.
     pub fn heard_progress(&mut self, progress: VehicleProgress) -> Shown {
-        let Some(member) = self.members.get_mut(&progress.vehicle) else { return Shown::default() };
-        if member.dealings.boot.is_some_and(|boot| progress.boot < boot) {
-            return Shown::default();
+        match self.members.get_mut(&progress.vehicle) {
+            Some(member) => member.hear_progress(progress),
+            None => Shown::default(),
         }
-        let mut shown = member.hear(progress.boot);
-        let key = |progress: &VehicleProgress| (progress.run, progress.revision, progress.done);
-        let before = member.progress.as_ref().map(key);
-        if before <= Some(key(&progress)) {
-            member.progress = Some(progress);
-        }
-        shown.got_on = before < Some(key(&progress));
-        shown
     }
 
     /// Takes what a vehicle says of its mission, unless an earlier start of its software has said it.
     pub fn heard_mission(&mut self, mission: &Mission) {
-        let Some(member) = self.members.get_mut(&mission.vehicle) else { return };
-        if member.dealings.boot.is_none_or(|boot| boot <= mission.boot) {
-            member.mission = Some(*mission);
+        if let Some(member) = self.members.get_mut(&mission.vehicle) {
+            member.hear_mission(mission);
         }
     }
 
     /// Returns what a vehicle has said of its mission last.
     pub fn mission(&self, vehicle: VehicleId) -> Option<&Mission> {
-        self.members.get(&vehicle)?.mission.as_ref()
+        self.members.get(&vehicle)?.mission()
     }
 
-    /// Tells whether a progress was said by the newest start of a vehicle's software.
+    /// Returns whether a progress was said by the newest start of a vehicle's software.
     pub fn is_current(&self, progress: &VehicleProgress) -> bool {
-        let known = self.members.get(&progress.vehicle).and_then(|member| member.dealings.boot);
-        known.is_none_or(|boot| boot <= progress.boot)
+        self.members.get(&progress.vehicle).is_none_or(|member| member.is_current(progress.boot))
     }
 
     /// Returns the newest state heard from a vehicle, as plans and orders name it; `None` = it was not heard.
     pub fn newest_state(&self, vehicle: VehicleId) -> Option<SeenState> {
-        let (_, state) = self.members.get(&vehicle)?.state.as_ref()?;
-        Some(SeenState { boot: state.boot, sequence: state.sequence })
+        self.members.get(&vehicle)?.seen_state()
     }
 
-    /// Tells whether it is known where every vehicle is that is not lost.
+    /// Returns whether it is known where every vehicle is that is not lost.
     pub fn are_placed(&self) -> bool {
-        self.members.values().all(|member| member.dealings.is_lost || member.place().is_some())
+        self.members.values().all(|member| member.dealings().is_lost() || member.place().is_some())
     }
 
-    /// Gives the highest revision of a run that any vehicle shows, so that a new ground begins above it.
+    /// Returns the highest revision of a run that any vehicle shows, so that a new ground begins above it.
     pub fn highest_revision(&self, run: RunId) -> Revision {
         let shown = self.accepted().filter(|accepted| accepted.0 == run).map(|accepted| accepted.1);
         shown.max().unwrap_or_default()
     }
 
-    /// Gives the highest run whose plans any vehicle follows.
+    /// Returns the highest run whose plans any vehicle follows.
     pub fn highest_run(&self) -> RunId {
         self.accepted().map(|accepted| accepted.0).max().unwrap_or_default()
     }
 
     fn accepted(&self) -> impl Iterator<Item = (RunId, Revision)> {
-        self.members.values().filter_map(|member| member.state.as_ref()).map(|(_, state)| state.accepted)
+        self.members.values().filter_map(Member::state).map(|state| state.accepted)
     }
 
-    /// Gives what stands for any vehicle that is not lost: ordered by anyone and not ended by a Start; the strongest.
+    /// Returns what stands for any vehicle that is not lost: ordered by anyone and not ended by a Start; the strongest.
     pub fn standing(&self) -> Option<OrderKind> {
-        let present = self.members.values().filter(|member| !member.dealings.is_lost);
-        present.filter_map(|member| member.dealings.stands).reduce(OrderKind::stronger)
+        let present = self.members.values().filter(|member| !member.dealings().is_lost());
+        present.filter_map(|member| member.dealings().stands()).reduce(OrderKind::stronger)
     }
 
     /// Orders by this right from now on; what is still to be repeated too, as the first of this right: others count from
@@ -231,14 +151,14 @@ impl Fleet {
     pub fn set_lease(&mut self, lease: Lease) {
         self.lease = lease;
         for member in self.members.values_mut() {
-            member.dealings.pass_to(lease);
+            member.dealings_mut().pass_to(lease);
         }
     }
 
     /// Orders what the operator wishes of every vehicle, above whatever it has obeyed before.
     pub fn order_all(&mut self, run: RunId, kind: OrderKind) {
         for (vehicle, member) in &mut self.members {
-            member.dealings.order(*vehicle, self.lease, run, kind);
+            member.dealings_mut().order(*vehicle, self.lease, run, kind);
         }
     }
 
@@ -247,62 +167,52 @@ impl Fleet {
     pub fn stop(&mut self, open: &[EmergencyStop]) {
         for (vehicle, member) in &mut self.members {
             if first_that_stops(open, *vehicle).is_some() {
-                member.dealings.be_stopped();
+                member.dealings_mut().be_stopped();
             }
         }
     }
 
     /// Starts every vehicle for which nothing stands: what somebody has stopped, lost or not, only somebody starts.
     pub fn start_all(&mut self, run: RunId) {
-        for (vehicle, member) in
-            self.members.iter_mut().filter(|(_, member)| member.dealings.stands.is_none())
-        {
-            member.dealings.order(*vehicle, self.lease, run, OrderKind::Start);
+        for (vehicle, member) in &mut self.members {
+            member.dealings_mut().start(*vehicle, self.lease, run);
         }
     }
 
-    /// Gives the orders that are not yet seen in a state, answering the newest state heard.
+    /// Returns the orders that are not yet seen in a state, answering the newest state heard.
     pub fn open_orders(&self) -> Vec<Order> {
-        let order = |member: &Member| {
-            let (_, state) = member.state.as_ref()?;
-            let order = member.dealings.issued.as_ref().filter(|_| member.dealings.is_pending)?;
-            let seen = SeenState { boot: state.boot, sequence: state.sequence };
-            Some(Order { seen: Some(seen), ..order.clone() })
-        };
-        self.members.values().filter_map(order).collect()
+        self.members.values().filter_map(Member::open_order).collect()
     }
 
     /// Takes the open orders for said.
     pub fn note_said(&mut self) {
-        for member in self.members.values_mut() {
-            let is_open = member.state.is_some() && member.dealings.is_pending;
-            member.dealings.is_said |= is_open && member.dealings.issued.is_some();
-        }
+        self.members.values_mut().for_each(Member::note_said);
     }
 
-    /// Gives who has not said its state for `after`, although another vehicle was heard within `others`; they are lost from
+    /// Returns who has not said its state for `after`, although another vehicle was heard within `others`; they are lost from
     /// now on.
     pub fn lose(&mut self, now: Time, after: Duration, others: Duration) -> Vec<VehicleId> {
-        let within = |member: &Member, span| member.heard_at.is_some_and(|at| now.since(at) <= span);
+        let within = |member: &Member, span| member.heard_at().is_some_and(|at| now.since(at) <= span);
         if !self.members.values().any(|member| within(member, others)) {
             return Vec::new();
         }
-        let is_gone =
-            |member: &Member| !member.dealings.is_lost && member.heard_at.is_some() && !within(member, after);
-        let lost = self.members().filter(|(_, member)| is_gone(member)).map(|(id, _)| id).collect();
-        self.members.values_mut().filter(|member| is_gone(member)).for_each(|member| {
-            member.dealings.is_lost = true;
-        });
+        let is_gone = |member: &Member| {
+            !member.dealings().is_lost() && member.heard_at().is_some() && !within(member, after)
+        };
+        let lost: Vec<VehicleId> =
+            self.members().filter(|(_, member)| is_gone(member)).map(|(id, _)| id).collect();
+        let gone = self.members.values_mut().filter(|member| is_gone(member));
+        gone.for_each(|member| member.dealings_mut().lose());
         lost
     }
 
-    /// Counts those as lost who have not been heard at all, silent since `since`; gives them.
+    /// Counts those as lost who have not been heard at all, silent since `since`; returns them.
     pub fn lose_unheard(&mut self, since: Time) -> Vec<VehicleId> {
         let unheard = self.unheard();
         for vehicle in &unheard {
             if let Some(member) = self.members.get_mut(vehicle) {
-                member.dealings.is_lost = true;
-                member.heard_at.get_or_insert(since);
+                member.dealings_mut().lose();
+                member.count_silence_from(since);
             }
         }
         unheard
@@ -310,152 +220,23 @@ impl Fleet {
 
     /// Counts silence from now on, for those who were heard before this station was started.
     pub fn count_silence_from(&mut self, now: Time) {
-        for member in self.members.values_mut().filter(|member| member.dealings.boot.is_some()) {
-            member.heard_at.get_or_insert(now);
+        for member in self.members.values_mut().filter(|member| member.dealings().boot().is_some()) {
+            member.count_silence_from(now);
         }
-    }
-}
-
-impl Member {
-    /// Returns where it is; `None` when it was not heard, or does not know.
-    pub fn place(&self) -> Option<Point> {
-        let (_, state) = self.state.as_ref()?;
-        state.pose.map(|pose| pose.at.into())
-    }
-
-    /// Returns whether a lower count of starts is believed: it has been silent for so long that its disk is a new one.
-    fn counts_anew(&self, now: Time, boot: Boot) -> bool {
-        let is_lower = self.dealings.boot.is_some_and(|known| boot < known);
-        is_lower && self.heard_at.is_some_and(|at| now.since(at) > LOWER_BOOT_AFTER)
-    }
-
-    /// Gives whether its software was started anew.
-    fn hear(&mut self, boot: Boot) -> Shown {
-        let known = self.dealings.boot.replace(boot);
-        Shown { restarted: known.is_some_and(|known| known != boot), ..Shown::default() }
-    }
-}
-
-impl Dealings {
-    fn order(&mut self, vehicle: VehicleId, lease: Lease, run: RunId, kind: OrderKind) {
-        let echo = self.echo.filter(|echo| echo.lease >= lease);
-        let obeyed = echo.map_or(Revision(0), |echo| echo.revision);
-        let pending = self.issued.as_ref().filter(|order| self.is_pending && order.lease == lease);
-        let pending = pending.map_or(Revision(0), |order| order.revision);
-        let revision = Revision(obeyed.max(pending).0.saturating_add(1));
-        self.issued = Some(Order { vehicle, lease, run, revision, seen: None, kind, ends: Vec::new() });
-        (self.is_pending, self.is_said) = (true, false);
-        self.stand(kind);
-    }
-
-    /// Passes what is still to be repeated to another right, above what the vehicle shows of that right.
-    fn pass_to(&mut self, lease: Lease) {
-        let obeyed = self.echo.filter(|echo| echo.lease == lease).map_or(Revision(0), |echo| echo.revision);
-        let pending = self.issued.as_mut().filter(|order| self.is_pending && order.lease != lease);
-        if let Some(order) = pending {
-            (order.lease, order.revision) = (lease, Revision(obeyed.0.saturating_add(1)));
-            self.is_said = false;
-        }
-    }
-
-    /// An emergency stop holds it, whoever has ordered what.
-    fn be_stopped(&mut self) {
-        self.stand(OrderKind::Hold);
-        let is_start = self.issued.as_ref().is_some_and(|order| order.kind == OrderKind::Start);
-        self.is_pending = self.is_pending && !is_start;
-    }
-
-    fn stand(&mut self, kind: OrderKind) {
-        let strongest = self.stands.into_iter().chain([kind]).reduce(OrderKind::stronger);
-        self.stands = strongest.filter(|_| kind != OrderKind::Start);
-    }
-
-    /// Takes what a vehicle says it was ordered; gives the run that somebody else has started it for. Of what was
-    /// ordered before anything was heard of it, only a run whose plans it has not `accepted` counts, by a right not
-    /// below `lease`.
-    fn take_echo(&mut self, echo: Ordered, accepted: RunId, lease: Lease) -> Option<RunId> {
-        let known = self.echo.replace(echo);
-        self.go_above(echo);
-        let kind = echo.kind.filter(|_| known != Some(echo))?;
-        let of = |order: &Order| (order.lease, order.revision);
-        let is = |order: &Order| of(order) == echo.edition() && (order.kind, order.run) == (kind, echo.run);
-        if let Some(order) = self.crossing.take_if(|order| is(order)) {
-            self.stop_again(order.vehicle, lease, echo.run);
-            return None;
-        }
-        let is_own = self.issued.as_ref().is_some_and(is);
-        // What somebody has stopped meanwhile is not started again by what was ordered before.
-        let is_beaten = self.issued.as_ref().is_some_and(|order| {
-            echo.edition() >= of(order) || (kind != OrderKind::Start && order.kind == OrderKind::Start)
-        });
-        self.is_pending = self.is_pending && !is_beaten;
-        if is_own {
-            return None;
-        }
-        let is_start = kind == OrderKind::Start;
-        if is_beaten {
-            // Another order of the same edition is not taken for the own one.
-            let lost = self.issued.take().filter(|order| self.is_said && order.kind == OrderKind::Start);
-            self.crossing = lost.filter(|order| !is_start && of(order) > echo.edition());
-        }
-        self.stand(kind);
-        let is_fresh = known.is_some() || (echo.lease >= lease && accepted < echo.run);
-        self.earlier = (is_start && !is_fresh && echo.lease >= lease).then_some(echo.run);
-        (is_start && is_fresh).then_some(echo.run)
-    }
-
-    /// An own start has come after what stands: that is ordered again. Motors that would be cut stop otherwise: the vehicle
-    /// may be under way by now.
-    fn stop_again(&mut self, vehicle: VehicleId, lease: Lease, run: RunId) {
-        match self.stands {
-            None | Some(OrderKind::Start) => {}
-            Some(OrderKind::CutMotors) => self.order(vehicle, lease, run, OrderKind::Land),
-            Some(kind @ (OrderKind::Hold | OrderKind::Return | OrderKind::Land)) => {
-                self.order(vehicle, lease, run, kind);
-            }
-        }
-    }
-
-    /// Orders above what a vehicle that was started anew remembers of this lease: it obeys nothing lower.
-    fn go_above(&mut self, echo: Ordered) {
-        let pending = self.issued.as_mut().filter(|_| self.is_pending && echo.kind.is_none());
-        if let Some(order) =
-            pending.filter(|order| order.lease == echo.lease && order.revision < echo.revision)
-        {
-            order.revision = Revision(echo.revision.0.saturating_add(1));
-            self.is_said = false;
-        }
-    }
-
-    /// Gives the run that a vehicle is in the middle of, though it was started before anything was heard of it: who
-    /// drives a leg has not come to the end of its plan.
-    fn under_way(&mut self, state: &State) -> Option<RunId> {
-        if state.leg.is_some() { self.earlier.take() } else { None }
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use tomoswarm_proto::{Mode, Permille};
+    use tomoswarm_proto::{Boot, EmergencyName, OperatorId, Ordered, StandReason, StopScope};
 
     const ONE: VehicleId = VehicleId(1);
     const LEASE: Lease = Lease { number: 1, holder: 9 };
 
     fn state(sequence: u64, revision: u32, kind: Option<OrderKind>) -> State {
-        State {
-            vehicle: ONE,
-            boot: Boot(1),
-            sequence,
-            pose: Some(Default::default()),
-            is_at_rest: true,
-            mode: Mode::Idle,
-            battery: Some(Permille::WHOLE),
-            leg: None,
-            accepted: Default::default(),
-            ordered: Ordered { lease: LEASE, revision: Revision(revision), run: RunId(1), kind },
-            ..State::default()
-        }
+        let ordered = Ordered { lease: LEASE, revision: Revision(revision), run: RunId(1), kind };
+        State { vehicle: ONE, boot: Boot(1), sequence, ordered, ..State::default() }
     }
 
     fn heard(fleet: &mut Fleet, sequence: u64, revision: u32, kind: OrderKind) -> Shown {
@@ -463,124 +244,32 @@ mod tests {
     }
 
     #[test]
-    fn an_order_is_repeated_until_its_effect_shows() {
+    fn strangers_change_nothing() {
         let mut fleet = Fleet::new(&[ONE], LEASE);
-        heard(&mut fleet, 5, 3, OrderKind::Start);
-        fleet.order_all(RunId(1), OrderKind::Start);
-        assert_eq!(fleet.open_orders()[0].revision, Revision(4));
-        assert_eq!(fleet.open_orders()[0].seen, Some(SeenState { boot: Boot(1), sequence: 5 }));
-        heard(&mut fleet, 6, 3, OrderKind::Start);
-        assert_eq!(fleet.open_orders().len(), 1);
-        heard(&mut fleet, 7, 4, OrderKind::Start);
-        assert!(fleet.open_orders().is_empty());
+        let stranger = VehicleId(8);
+        assert_eq!(
+            fleet.heard_state(Time::ZERO, State { vehicle: stranger, ..state(1, 0, None) }),
+            Shown::default()
+        );
+        let progress = VehicleProgress { vehicle: stranger, ..VehicleProgress::default() };
+        assert_eq!(fleet.heard_progress(progress), Shown::default());
+        assert_eq!((fleet.unheard(), fleet.newest_state(stranger), fleet.len()), (vec![ONE], None, 1));
     }
 
     #[test]
-    fn old_states_and_strangers_change_nothing() {
-        let mut fleet = Fleet::new(&[ONE], Lease::default());
-        fleet.heard_state(Time::ZERO, State { vehicle: VehicleId(8), ..state(1, 0, None) });
-        assert_eq!(fleet.unheard(), [ONE]);
-        fleet.heard_state(Time::ZERO, state(9, 0, None));
-        fleet.heard_state(Time::ZERO, state(4, 0, None));
-        let (_, member) = fleet.members().next().unwrap();
-        assert_eq!(member.state.as_ref().unwrap().1.sequence, 9);
-    }
-
-    #[test]
-    fn an_order_above_the_highest_revision_is_no_overflow() {
-        let mut fleet = Fleet::new(&[ONE], Lease::default());
-        fleet.heard_state(Time::ZERO, state(1, u32::MAX, None));
-        fleet.order_all(RunId(1), OrderKind::Land);
-        assert_eq!(fleet.open_orders()[0].revision, Revision(u32::MAX));
-    }
-
-    #[test]
-    fn what_somebody_else_has_stopped_stands_and_beats_the_own_start() {
-        for revision in [3, 4, 7] {
-            let mut fleet = Fleet::new(&[ONE], LEASE);
-            heard(&mut fleet, 1, 2, OrderKind::Start);
-            fleet.order_all(RunId(1), OrderKind::Start);
-            fleet.order_all(RunId(1), OrderKind::Start);
-            // The operator's order came before, at the same time as, or after the own one.
-            let shown = heard(&mut fleet, 2, revision, OrderKind::Hold);
-            assert_eq!((fleet.standing(), shown.started), (Some(OrderKind::Hold), None));
-            assert!(fleet.open_orders().is_empty(), "the own start is not repeated: {revision}");
-            let shown = heard(&mut fleet, 3, revision + 1, OrderKind::Start);
-            assert_eq!((fleet.standing(), shown.started), (None, Some(RunId(1))));
-        }
-    }
-
-    #[test]
-    fn an_own_start_that_came_after_a_stop_lifts_nothing_and_the_stop_is_ordered_again() {
-        for (stop, again) in [
-            (OrderKind::Hold, OrderKind::Hold),
-            (OrderKind::Land, OrderKind::Land),
-            (OrderKind::CutMotors, OrderKind::Land),
-        ] {
-            let mut fleet = Fleet::new(&[ONE], LEASE);
-            heard(&mut fleet, 1, 2, OrderKind::Start);
-            fleet.order_all(RunId(1), OrderKind::Start);
-            fleet.order_all(RunId(1), OrderKind::Start);
-            fleet.note_said();
-            // The operator has not heard of the own start, which has revision 4.
-            heard(&mut fleet, 2, 3, stop);
-            assert_eq!(heard(&mut fleet, 3, 4, OrderKind::Start).started, None);
-            assert_eq!(fleet.standing(), Some(stop));
-            let orders = fleet.open_orders();
-            assert_eq!((orders[0].kind, orders[0].revision), (again, Revision(5)));
-            fleet.start_all(RunId(1));
-            assert_eq!(fleet.open_orders(), orders, "what stands is not started");
-            heard(&mut fleet, 4, 5, again);
-            heard(&mut fleet, 5, 6, OrderKind::Start);
-            assert_eq!(fleet.standing(), None, "somebody has started it");
-        }
-    }
-
-    #[test]
-    fn under_another_lease_orders_count_from_one_again() {
+    fn what_was_dealt_with_those_that_are_expected_is_taken_up_and_ordered_on_by_the_next_lease() {
+        let mut before = Fleet::new(&[ONE, VehicleId(2)], LEASE);
+        heard(&mut before, 1, 4, OrderKind::Start);
+        before.order_all(RunId(1), OrderKind::Hold);
         let mut fleet = Fleet::new(&[ONE], LEASE);
-        heard(&mut fleet, 1, 7, OrderKind::Start);
-        fleet.order_all(RunId(1), OrderKind::Start);
-        assert_eq!(fleet.open_orders()[0].revision, Revision(8));
+        fleet.recall(&before.dealings());
+        assert_eq!((fleet.standing(), fleet.len()), (Some(OrderKind::Hold), 1));
         let next = Lease { number: 2, ..LEASE };
-        for order_anew in [false, true] {
-            fleet.set_lease(next);
-            if order_anew {
-                heard(&mut fleet, 2, 9, OrderKind::Hold);
-                fleet.order_all(RunId(1), OrderKind::Start);
-            }
-            let order = &fleet.open_orders()[0];
-            assert_eq!((order.lease, order.revision), (next, Revision(1)), "{order_anew}");
-        }
-    }
-
-    #[test]
-    fn what_waits_goes_above_what_a_vehicle_started_anew_remembers_of_the_next_lease() {
-        let mut fleet = Fleet::new(&[ONE], LEASE);
-        heard(&mut fleet, 1, 7, OrderKind::Start);
-        fleet.order_all(RunId(1), OrderKind::Start);
-        let next = Lease { number: 2, ..LEASE };
-        let remembered = Ordered { lease: next, revision: Revision(3), run: RunId(1), kind: None };
-        let anew = State { boot: Boot(2), ordered: remembered, ..state(1, 0, None) };
-        fleet.heard_state(Time::ZERO, anew);
         fleet.set_lease(next);
-        assert_eq!(fleet.open_orders()[0].revision, Revision(4));
-    }
-
-    #[test]
-    fn what_was_ordered_long_ago_by_a_lower_right_starts_nothing() {
-        let mut fleet = Fleet::new(&[ONE], Lease { number: 5, holder: 9 });
-        assert_eq!(heard(&mut fleet, 1, 2, OrderKind::Start).started, None);
-        assert_eq!(heard(&mut fleet, 2, 3, OrderKind::Start).started, Some(RunId(1)), "that one is new");
-    }
-
-    #[test]
-    fn an_own_order_that_was_obeyed_is_nobody_elses() {
-        let mut fleet = Fleet::new(&[ONE], LEASE);
-        heard(&mut fleet, 1, 1, OrderKind::Start);
-        fleet.order_all(RunId(1), OrderKind::Start);
-        assert_eq!(heard(&mut fleet, 2, 2, OrderKind::Start).started, None);
-        assert!(fleet.open_orders().is_empty());
+        heard(&mut fleet, 2, 4, OrderKind::Start);
+        let orders = fleet.open_orders();
+        assert_eq!((orders.len(), orders[0].lease, orders[0].revision), (1, next, Revision(1)));
+        assert_eq!(orders[0].seen, fleet.newest_state(ONE));
     }
 
     #[test]
@@ -602,47 +291,6 @@ mod tests {
         assert!(!fleet.heard_state(at(43), state(1, 0, None)).found, "an old state is no sign of life");
         assert!(fleet.heard_state(at(43), state(2, 0, None)).found);
         assert_eq!(fleet.present(), [ONE, two]);
-    }
-
-    #[test]
-    fn what_waits_to_be_obeyed_goes_above_what_a_vehicle_started_anew_remembers() {
-        let check = |remembered: u32, expected: u32| {
-            let mut fleet = Fleet::new(&[ONE], LEASE);
-            heard(&mut fleet, 5, 3, OrderKind::Hold);
-            fleet.order_all(RunId(1), OrderKind::Return);
-            fleet.heard_state(Time::ZERO, State { boot: Boot(2), ..state(1, remembered, None) });
-            assert_eq!(fleet.open_orders()[0].revision, Revision(expected), "{remembered}");
-        };
-        check(3, 4);
-        check(4, 4);
-        check(7, 8);
-    }
-
-    #[test]
-    fn a_restart_is_seen_and_what_was_said_before_it_counts_no_more() {
-        let mut fleet = Fleet::new(&[ONE], LEASE);
-        assert!(!fleet.heard_state(Time::ZERO, state(100, 0, None)).restarted);
-        assert!(fleet.heard_state(Time::ZERO, State { boot: Boot(2), ..state(1, 0, None) }).restarted);
-        let old =
-            VehicleProgress { vehicle: ONE, boot: Boot(1), run: RunId(1), ..VehicleProgress::default() };
-        assert_eq!(fleet.heard_progress(old), Shown::default());
-        assert!(fleet.heard_progress(VehicleProgress { boot: Boot(2), ..old }).got_on);
-        assert!(fleet.heard_progress(VehicleProgress { boot: Boot(3), ..old }).restarted);
-    }
-
-    #[test]
-    fn a_vehicle_with_a_new_disk_is_believed_after_a_long_silence_and_has_restarted() {
-        let at = |seconds: u32| Time::from_secs_f64(f64::from(seconds));
-        let mut fleet = Fleet::new(&[ONE], LEASE);
-        let state_of = |boot: u32, sequence: u64| State { boot: Boot(boot), ..state(sequence, 0, None) };
-        fleet.heard_state(at(0), state_of(9, 100));
-        assert_eq!(fleet.heard_state(at(30), state_of(1, 7)), Shown::default(), "30 s are not long enough");
-        let progress =
-            VehicleProgress { vehicle: ONE, boot: Boot(1), run: RunId(1), ..VehicleProgress::default() };
-        assert!(!fleet.is_current(&progress));
-        assert!(fleet.heard_state(at(31), state_of(1, 8)).restarted);
-        assert!(fleet.is_current(&progress) && fleet.heard_progress(progress).got_on);
-        assert!(!fleet.heard_state(at(32), state_of(1, 9)).restarted, "it is heard by its own count now");
     }
 
     #[test]
@@ -687,12 +335,7 @@ mod tests {
 
     #[test]
     fn what_an_open_stop_holds_stands_also_when_a_start_of_before_it_is_shown_later() {
-        use tomoswarm_proto::{EmergencyName, StopScope};
-        let open = [EmergencyStop {
-            name: EmergencyName(7),
-            scope: StopScope::All,
-            by: tomoswarm_proto::OperatorId(1),
-        }];
+        let open = [EmergencyStop { name: EmergencyName(7), scope: StopScope::All, by: OperatorId(1) }];
         let mut fleet = Fleet::new(&[ONE], LEASE);
         heard(&mut fleet, 1, 1, OrderKind::Hold);
         fleet.stop(&open);
@@ -711,15 +354,5 @@ mod tests {
         let mut other = Fleet::new(&[ONE], LEASE);
         other.heard_state(Time::ZERO, State { stands_under: Some(stopped), ..started });
         assert_eq!(other.standing(), Some(OrderKind::Hold));
-    }
-
-    #[test]
-    fn of_what_was_ordered_before_anything_was_heard_only_what_was_not_driven_counts() {
-        for (accepted, started) in [(0, Some(RunId(1))), (1, None), (2, None)] {
-            let mut fleet = Fleet::new(&[ONE], Lease::default());
-            let old =
-                State { accepted: (RunId(accepted), Revision(7)), ..state(1, 3, Some(OrderKind::Start)) };
-            assert_eq!(fleet.heard_state(Time::ZERO, old).started, started, "{accepted}");
-        }
     }
 }

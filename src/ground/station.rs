@@ -210,17 +210,17 @@ impl Station {
         }
     }
 
-    /// Gives the fleet table.
+    /// Returns the fleet table.
     pub fn fleet(&self) -> &Fleet {
         &self.fleet
     }
 
-    /// Gives the merged map.
+    /// Returns the merged map.
     pub fn map(&self) -> &Merged {
         &self.map
     }
 
-    /// Gives the stored samples.
+    /// Returns the stored samples.
     pub fn samples(&self) -> &SampleStore {
         &self.samples
     }
@@ -308,7 +308,7 @@ impl Station {
         }
     }
 
-    /// Tells whether a vehicle is expected; counts it otherwise.
+    /// Returns whether a vehicle is expected; counts it otherwise.
     fn knows(&mut self, vehicle: VehicleId) -> bool {
         let is_known = self.fleet.expects(vehicle);
         self.strangers = self.strangers.saturating_add(u64::from(!is_known));
@@ -511,7 +511,5 @@ impl Actor for Station {
     }
 }
 
-#[cfg(test)]
-mod swarm;
 #[cfg(test)]
 mod tests;

@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use tomoswarm_proto::{Boot, Mode, Permille, State, VehicleId};
+use tomoswarm_proto::{Beacon, Boot, Mode, Permille, Progress, RunId, State, VehicleId};
 
 use super::{BodySettings, LookSettings, OwnState, RadioSettings, Settings};
 pub use crate::actor::tests_support::{drawn, variant_of, variants};
@@ -39,6 +39,21 @@ pub fn state(vehicle: u8, x_m: f64, y_m: f64) -> State {
         accepted: Default::default(),
         ordered: Default::default(),
         ..State::default()
+    }
+}
+
+/// A beacon of another vehicle at (`x_m`, 0), in run 4.
+pub fn beacon(sender: u8, sequence: u32, x_m: f64, members: Vec<VehicleId>) -> Beacon {
+    Beacon {
+        sender: VehicleId(sender),
+        boot: Boot(1),
+        sequence,
+        pose: state(sender, x_m, 0.0).pose,
+        channel: 11,
+        power_dbm: 0,
+        members,
+        progress: Progress { run: RunId(4), ..Progress::default() },
+        ..Beacon::default()
     }
 }
 

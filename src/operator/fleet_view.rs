@@ -380,19 +380,7 @@ mod tests {
     }
 
     fn operator_hello(node: Sender, instance: u64) -> Hello {
-        Hello {
-            node,
-            boot: Boot(1),
-            venue_hash: 5,
-            instance,
-            is_member: true,
-            member_for_s: 1,
-            name: String::new(),
-            software: String::new(),
-            capabilities: Vec::new(),
-            lease: None,
-            interest: Vec::new(),
-        }
+        Hello { is_member: true, member_for_s: 1, ..Hello::asking(node, Boot(1), 5, instance) }
     }
 
     #[test]

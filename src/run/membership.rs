@@ -30,7 +30,7 @@ pub fn draw() -> Result<u64, NoChance> {
     getrandom::u64().map_err(NoChance)
 }
 
-/// Gives how a node takes part in the bus; `access` says who may write what, where there are certificates.
+/// Returns how a node takes part in the bus; `access` says who may write what, where there are certificates.
 pub fn bus_settings(node: Sender, venue: &Venue, file: &BusFile, access: Vec<AccessRule>) -> BusSettings {
     let trust = file.identity.as_ref().map(|identity| Trust {
         ca: PathBuf::from(&identity.ca),
@@ -107,17 +107,9 @@ pub fn greeting(
     capabilities: Vec<Capability>,
 ) -> Result<Hello, NoChance> {
     Ok(Hello {
-        node,
-        boot,
-        venue_hash: venue.hash(),
-        instance: draw()?,
-        is_member: false,
-        member_for_s: 0,
-        name: String::new(),
         software: SOFTWARE.to_owned(),
         capabilities,
-        lease: None,
-        interest: Vec::new(),
+        ..Hello::asking(node, boot, venue.hash(), draw()?)
     })
 }
 

@@ -40,17 +40,9 @@ const HOME_WITHIN: Duration = Duration::from_secs(900);
 pub(super) fn settings(sim: &Sim, id: OperatorId, holder: u64) -> OperatorSettings {
     OperatorSettings {
         hello: Hello {
-            node: Sender::Operator(id),
-            boot: Boot(1),
-            venue_hash: sim.venue.hash(),
-            instance: holder,
             is_member: true,
-            member_for_s: 0,
-            name: String::new(),
-            software: String::new(),
-            capabilities: Vec::new(),
-            lease: None,
             interest: vec![Interest::Fleet],
+            ..Hello::asking(Sender::Operator(id), Boot(1), sim.venue.hash(), holder)
         },
         greets: true,
         holder,

@@ -120,17 +120,17 @@ impl Scenario {
         Ok(scenario)
     }
 
-    /// Gives the simulation that is run.
+    /// Returns the simulation that is run.
     pub fn sim(&self) -> &Sim {
         &self.sim
     }
 
-    /// Gives who stands in the scene.
+    /// Returns who stands in the scene.
     pub fn persons(&self) -> &[Person] {
         &self.persons
     }
 
-    /// Gives what stands in the scene at antenna height, without the persons.
+    /// Returns what stands in the scene at antenna height, without the persons.
     ///
     /// # Errors
     /// The scene cannot be built.
@@ -138,7 +138,7 @@ impl Scenario {
         Ok(self.scene(&[])?.outlines(self.sim.vehicles.body.antenna_height_m))
     }
 
-    /// Gives what stands in the scene, without the persons.
+    /// Returns what stands in the scene, without the persons.
     ///
     /// # Errors
     /// The scene cannot be built.
@@ -151,12 +151,12 @@ impl Scenario {
         operator_script::steps(&self.sim)
     }
 
-    /// Gives the positions that are measured from.
+    /// Returns the positions that are measured from.
     pub fn ring(&self) -> &Ring {
         &self.ring
     }
 
-    /// Gives the planner of the sweep.
+    /// Returns the planner of the sweep.
     pub fn method(&self) -> Method {
         from_config::method(&self.sim.sweep)
     }
@@ -289,17 +289,8 @@ impl Scenario {
 
     fn greeting(&self, node: Sender) -> Hello {
         Hello {
-            node,
-            boot: Boot(1),
-            venue_hash: self.sim.venue.hash(),
-            instance: 0,
-            is_member: false,
-            member_for_s: 0,
-            name: String::new(),
             software: env!("CARGO_PKG_VERSION").to_owned(),
-            capabilities: Vec::new(),
-            lease: None,
-            interest: Vec::new(),
+            ..Hello::asking(node, Boot(1), self.sim.venue.hash(), 0)
         }
     }
 
@@ -408,7 +399,7 @@ impl Scenario {
         Ok(from_config::simulated_ground(&self.sim, self.ring.clone(), lease, draw(u64::MAX - 1))?)
     }
 
-    /// Gives how an image is made of a subject.
+    /// Returns how an image is made of a subject.
     pub fn image(&self, subject: Subject) -> ImageSettings {
         from_config::image_settings(
             &self.sim.imaging,

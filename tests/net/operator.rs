@@ -83,17 +83,10 @@ fn play(
 
 fn hello(node: Sender) -> Message {
     Message::Hello(Hello {
-        node,
-        boot: Boot(1),
-        venue_hash: venue().hash(),
-        instance: 1,
         is_member: true,
         member_for_s: 60,
-        name: String::new(),
         software: env!("CARGO_PKG_VERSION").to_owned(),
-        capabilities: vec![],
-        lease: None,
-        interest: vec![],
+        ..Hello::asking(node, Boot(1), venue().hash(), 1)
     })
 }
 

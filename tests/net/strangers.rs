@@ -50,7 +50,7 @@ fn state(id: u8, boot: u32, sequence: u64) -> Message {
     })
 }
 
-/// Gives one message of each kind that makes those who keep it grow.
+/// Returns one message of each kind that makes those who keep it grow.
 fn flood(number: u32) -> [(String, Message); 3] {
     let me = VehicleId(9);
     let layer = LayerId { vehicle: me, boot: Boot(number / 7) };
@@ -217,17 +217,10 @@ fn another_version_of_the_wire_or_another_venue_is_refused_on_both_sides() {
     assert!(code == Some(2) && said.contains("another venue file"), "{code:?} {said}");
     // A node of the next version, of which only the greeting can be read.
     let hello = Message::Hello(Hello {
-        node: vehicle(9),
-        boot: Boot(1),
-        venue_hash: 1,
-        instance: 1,
         is_member: true,
         member_for_s: 60,
-        name: String::new(),
         software: "2.0.0".to_owned(),
-        capabilities: vec![],
-        lease: None,
-        interest: vec![],
+        ..Hello::asking(vehicle(9), Boot(1), 1, 1)
     });
     let mut next = frame(&hello);
     next[2] = codec::VERSION + 1;

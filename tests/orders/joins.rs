@@ -219,19 +219,7 @@ impl World {
             // Drawn anew at every start, as by a process.
             node.instance =
                 1 + self.chance.below("instance", &[number as u64, u64::from(node.boot.0)], 1 << 30) as u64;
-            let hello = Hello {
-                node: node.name,
-                boot: node.boot,
-                venue_hash: node.kind.venue_hash,
-                instance: node.instance,
-                is_member: false,
-                member_for_s: 0,
-                name: String::new(),
-                software: String::new(),
-                capabilities: vec![],
-                lease: None,
-                interest: vec![],
-            };
+            let hello = Hello::asking(node.name, node.boot, node.kind.venue_hash, node.instance);
             node.exchange = Some(Exchange::new(BYTES_PER_S, Presence::asking(now, hello)));
             self.tally.started += 1;
         }

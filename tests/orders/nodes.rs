@@ -71,19 +71,8 @@ pub fn place_of(id: VehicleId) -> Point {
 
 impl Hand {
     pub fn new(number: u8) -> Hand {
-        let hello = Hello {
-            node: Sender::Operator(OperatorId(number)),
-            boot: Boot(0),
-            venue_hash: 5,
-            instance: u64::from(number),
-            is_member: true,
-            member_for_s: 0,
-            software: String::new(),
-            capabilities: vec![],
-            name: String::new(),
-            lease: None,
-            interest: vec![],
-        };
+        let node = Sender::Operator(OperatorId(number));
+        let hello = Hello { is_member: true, ..Hello::asking(node, Boot(0), 5, u64::from(number)) };
         let holder = 50 + u64::from(number);
         let all: BTreeSet<VehicleId> = (1..=VEHICLES).map(VehicleId).collect();
         let settings = OperatorSettings { hello, greets: true, holder, expected: all };
@@ -101,7 +90,7 @@ impl Hand {
         }
     }
 
-    /// Tells which want an order is of: the newest one of this kind for this vehicle.
+    /// Returns which want an order is of: the newest one of this kind for this vehicle.
     pub fn want_of(&self, order: &Order) -> Option<WantId> {
         let is_of = |want: &Want| {
             want.kind == order.kind && (want.vehicles.is_empty() || want.vehicles.contains(&order.vehicle))
@@ -180,7 +169,7 @@ impl Rover {
         }
     }
 
-    /// Tells whether such an order was in force at any moment of a span.
+    /// Returns whether such an order was in force at any moment of a span.
     pub fn was_in_force(&self, from: Time, until: Time, is_it: impl Fn(&Ordered) -> bool) -> bool {
         let ends = self.history.iter().skip(1).map(|(at, _)| *at).chain([Time::NEVER]);
         let spans = self.history.iter().zip(ends);

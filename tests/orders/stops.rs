@@ -1,8 +1,7 @@
 //! A world for emergency stops: vehicles of the real actors (stops, vehicle, radio) whose missions want to drive all the
-//! time, a ground station and an operator that say what stands, a bus that loses, doubles, delays and cuts, and air on which
-//! beacons that overlap are lost. Virtual time, 5 ms a tick; everything follows from the seed.
+//! time, a ground station and an operator that say what stands, a bus (`stops/bus.rs`), and air on which beacons that overlap are
+//! lost. Virtual time, 5 ms a tick; everything follows from the seed. What must be so is the judge's (`stops/judge.rs`).
 
-use std::collections::BTreeMap;
 use std::time::Duration;
 
 use tomoswarm::actor::Actor;
@@ -18,6 +17,15 @@ use tomoswarm_proto::{
 };
 
 use super::chance::Chance;
+
+#[path = "stops/bus.rs"]
+mod bus;
+#[path = "stops/judge.rs"]
+mod judge;
+
+use bus::{Bus, Frame, Node};
+pub use judge::StopsTally;
+use judge::{Judge, Seen, SeenVehicle};
 
 const TICK: Duration = Duration::from_millis(5);
 /// The operator gives the stop, and the world looks on until then.
@@ -46,21 +54,6 @@ pub enum StopMistake {
     GroundStarts,
 }
 
-/// What a world has shown.
-#[derive(Clone, Debug, Default)]
-pub struct StopsTally {
-    /// From the stop to when each vehicle that could be reached by bus showed it, less the seed's longest delay.
-    pub by_bus: Vec<Duration>,
-    /// From when each vehicle that heard by beacons alone could hear, in turns of the ring, and in time.
-    pub by_beacons: Vec<(f64, Duration)>,
-    /// Vehicles that were started anew under the stop.
-    pub restarted: usize,
-    /// Vehicles that drove when the stop was given.
-    pub driving: usize,
-    /// Vehicles that drove again after it was lifted.
-    pub driving_again: usize,
-}
-
 struct Rover {
     id: VehicleId,
     stops: Stops,
@@ -77,22 +70,6 @@ struct Rover {
     up_from: Time,
     state: Option<State>,
     open: Vec<EmergencyStop>,
-    shown_at: Option<Time>,
-}
-
-/// What is on its way by bus.
-#[derive(Clone, Debug)]
-enum Frame {
-    Standing(Standing),
-    State(State),
-    Order(Order),
-}
-
-#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Debug)]
-enum Node {
-    Vehicle(usize),
-    Ground,
-    Operator,
 }
 
 struct World {
@@ -107,20 +84,11 @@ struct World {
     ground_dies: Option<Time>,
     operator_dies_after_first_copy: bool,
     is_operator_dead: bool,
-    loss: f64,
-    longest: Duration,
-    /// Nodes that are cut off the bus, from when, and until when.
-    cuts: Vec<(Node, Time, Time)>,
-    /// By beacons alone: only this vehicle hears anyone by bus once the stop is given.
-    only_by_bus: Option<usize>,
-    flying: BTreeMap<(Time, u64), (Node, Sender, Frame)>,
-    frames: u64,
+    bus: Bus,
     on_air: Vec<(u64, usize, Beacon)>,
     restarts: Vec<(Time, usize, Duration)>,
     name: EmergencyName,
-    lifted_at: Option<Time>,
-    wrong: Option<String>,
-    tally: StopsTally,
+    is_lifted: bool,
     revision: u32,
 }
 
@@ -130,13 +98,12 @@ struct World {
 /// What is not as it must be.
 pub fn play_stops(seed: u64, mistake: Option<StopMistake>) -> Result<StopsTally, String> {
     let mut world = World::new(seed, mistake);
+    let mut judge = Judge::new(world.bus.hardships(world.sim.venue.swarm.slot()));
     while world.now < at(END_S) {
         world.tick();
-        if let Some(wrong) = world.wrong {
-            return Err(format!("seed {seed}, {} s: {wrong}", world.now));
-        }
+        judge.look(&world.seen()).map_err(|wrong| format!("seed {seed}, {} s: {wrong}", world.now))?;
     }
-    Ok(world.tally)
+    Ok(judge.tally())
 }
 
 fn at(at_s: f64) -> Time {
@@ -169,7 +136,6 @@ impl Rover {
             up_from: Time::ZERO,
             state: None,
             open: Vec::new(),
-            shown_at: None,
         }
     }
 }
@@ -202,35 +168,23 @@ impl World {
             ground_dies: (chance.share("ground", &[]) < 1.0 / 3.0).then_some(at(STOP_S - 1.0)),
             operator_dies_after_first_copy: operator_dies,
             is_operator_dead: false,
-            loss: 0.3 * chance.share("loss", &[]),
-            longest: Duration::from_millis(5 + chance.below("longest", &[], 295) as u64),
-            cuts: Vec::new(),
-            only_by_bus: by_beacons.then(|| chance.below("only", &[], count)),
-            flying: BTreeMap::new(),
-            frames: 0,
+            bus: Bus::new(chance, count, by_beacons),
             on_air: Vec::new(),
             restarts: Vec::new(),
             name: EmergencyName(EmergencyName::LOWEST_DRAWN + 7),
-            lifted_at: None,
-            wrong: None,
-            tally: StopsTally::default(),
+            is_lifted: false,
             revision: 1,
             sim,
             chance,
         };
-        world.draw_faults(by_beacons);
+        world.draw_restarts(by_beacons);
         world
     }
 
-    fn draw_faults(&mut self, by_beacons: bool) {
+    fn draw_restarts(&mut self, by_beacons: bool) {
         let count = self.rovers.len();
         for number in 0..3 {
             let share = |what| self.chance.share(what, &[number]);
-            if !by_beacons && share("cuts") < 0.5 {
-                let node = Node::Vehicle(self.chance.below("cut", &[number], count));
-                let from = at(3.5 + 8.0 * share("cut from"));
-                self.cuts.push((node, from, from + Duration::from_secs_f64(0.2 + 4.0 * share("cut for"))));
-            }
             if !by_beacons && share("restarts") < 0.5 {
                 let from = at(3.0 + 10.0 * share("restart at"));
                 let down = Duration::from_secs_f64(0.1 + share("down"));
@@ -249,7 +203,6 @@ impl World {
         self.radio();
         self.operate();
         self.lead();
-        self.judge();
     }
 
     fn is_up(&self, index: usize) -> bool {
@@ -282,49 +235,15 @@ impl World {
             rover.vehicle = Vehicle::new(settings.clone());
             rover.radio = radio::Radio::new(settings);
             (rover.is_driving, rover.open) = (false, Vec::new());
-            rover.shown_at = None;
-            self.tally.restarted += usize::from(self.now >= at(STOP_S));
         }
-    }
-
-    fn is_cut(&self, node: Node) -> bool {
-        let is_cut =
-            self.cuts.iter().any(|(cut, from, until)| *cut == node && *from <= self.now && self.now < *until);
-        let hears_radio_only = match (self.only_by_bus, node) {
-            (Some(only), Node::Vehicle(index)) => {
-                only != index && self.now >= at(STOP_S) && self.now < at(LIFT_S)
-            }
-            (Some(_), Node::Ground | Node::Operator) | (None, _) => false,
-        };
-        is_cut || hears_radio_only
     }
 
     fn send(&mut self, from: Node, frame: &Frame) {
-        if self.is_cut(from) {
-            return;
-        }
-        let sender = match from {
-            Node::Vehicle(index) => Sender::Vehicle(self.rovers[index].id),
-            Node::Ground => Sender::Ground,
-            Node::Operator => OPERATOR,
-        };
-        let all = (0..self.rovers.len()).map(Node::Vehicle).chain([Node::Ground, Node::Operator]);
-        for to in all.filter(|to| *to != from).collect::<Vec<Node>>() {
-            self.frames += 1;
-            let number = self.frames;
-            let copies = if self.chance.share("doubled", &[number]) < 0.1 { 2 } else { 1 };
-            for copy in 0..copies {
-                if self.chance.share("lost", &[number, copy]) >= self.loss && !self.is_cut(to) {
-                    let delay = self.longest.mul_f64(self.chance.share("delay", &[number, copy]));
-                    self.flying.insert((self.now + delay, 2 * number + copy), (to, sender, frame.clone()));
-                }
-            }
-        }
+        self.bus.send(self.now, from, frame);
     }
 
     fn deliver(&mut self) {
-        let later = self.flying.split_off(&(self.now, u64::MAX));
-        for (to, sender, frame) in std::mem::replace(&mut self.flying, later).into_values() {
+        for (to, sender, frame) in self.bus.arrived(self.now) {
             let is_stop = matches!(&frame, Frame::Standing(standing) if !standing.open.is_empty());
             match to {
                 Node::Vehicle(index) => self.tell_rover(index, sender, frame),
@@ -459,8 +378,7 @@ impl World {
     }
 
     fn wake_all(&mut self) {
-        let nodes = (0..self.rovers.len()).map(Node::Vehicle).chain([Node::Ground, Node::Operator]);
-        for node in nodes.collect::<Vec<Node>>() {
+        for node in self.bus.nodes() {
             let is_alive = match node {
                 Node::Vehicle(index) => self.is_up(index),
                 Node::Ground => self.is_ground_alive(),
@@ -517,8 +435,7 @@ impl World {
         // Of beacons that end together, which overlap, none is heard.
         let [(_, by, beacon)] = &ended[..] else { return };
         for to in (0..self.rovers.len()).filter(|to| to != by) {
-            self.frames += 1;
-            let is_lost = self.chance.share("air", &[self.frames]) < 0.1;
+            let is_lost = self.chance.share("air", &[self.bus.next_number()]) < 0.1;
             if !is_lost && self.is_up(to) {
                 let heard = radio::Heard { beacon: beacon.clone(), rssi_dbm: -60 };
                 self.tell_radio(to, radio::In::Heard(heard));
@@ -532,7 +449,6 @@ impl World {
             return;
         }
         if self.now == at(STOP_S) {
-            self.tally.driving += self.rovers.iter().filter(|rover| rover.is_driving).count();
             let stop = EmergencyStop { name: self.name, scope: StopScope::All, by: OperatorId(1) };
             self.tell_keeper(Node::Operator, stops::In::Give(vec![stop]));
         }
@@ -541,9 +457,7 @@ impl World {
         if !(is_early || lifts) || !self.tick.is_multiple_of(20) {
             return;
         }
-        if lifts {
-            self.lifted_at.get_or_insert(self.now);
-        }
+        self.is_lifted |= lifts;
         if self.tick.is_multiple_of(200) {
             self.revision += 1;
         }
@@ -586,98 +500,20 @@ impl World {
         }
     }
 
-    fn judge(&mut self) {
-        let given = at(STOP_S);
-        for index in 0..self.rovers.len() {
-            let knows = self.rovers[index].open.iter().any(|stop| stop.name == self.name);
-            let rover = &mut self.rovers[index];
-            if knows {
-                rover.shown_at.get_or_insert(self.now);
-                if rover.is_driving {
-                    self.wrong = Some(format!("vehicle {} drives under an open stop", rover.id));
-                }
-            }
-            // Before it, the mission drove; after it was lifted only who is started anew drives.
-            let is_second = index >= self.rovers.len().div_ceil(2);
-            let rover = &self.rovers[index];
-            if self.lifted_at.is_some() && is_second && rover.is_driving && rover.shown_at.is_some() {
-                self.wrong =
-                    Some(format!("vehicle {} moves after the lift without an operator's start", rover.id));
-            }
+    /// Returns what the judge sees.
+    fn seen(&self) -> Seen {
+        let vehicle = |rover: &Rover| SeenVehicle {
+            id: rover.id,
+            boot: rover.boot,
+            up_from: rover.up_from,
+            shows: rover.open.iter().any(|stop| stop.name == self.name),
+            is_driving: rover.is_driving,
+        };
+        Seen {
+            now: self.now,
+            vehicles: self.rovers.iter().map(vehicle).collect(),
+            is_lifted: self.is_lifted,
+            is_operator_dead: self.is_operator_dead,
         }
-        if self.now == at(LIFT_S - 0.1) {
-            self.judge_reach(given);
-        }
-        if self.now + TICK >= at(END_S) && self.lifted_at.is_some() {
-            self.tally.driving_again += self.rovers.iter().filter(|rover| rover.is_driving).count();
-        }
-    }
-
-    /// Looks who showed the stop when.
-    fn judge_reach(&mut self, given: Time) {
-        let bound = Duration::from_millis(300) + self.longest;
-        // Nobody heard of it before the operator died.
-        if self.rovers.iter().all(|rover| rover.shown_at.is_none()) && self.is_operator_dead {
-            return;
-        }
-        let ring = self.rovers.len() as f64;
-        let slot_s = self.sim.venue.swarm.slot().as_secs_f64();
-        for index in 0..self.rovers.len() {
-            let rover = &self.rovers[index];
-            let Some(shown_at) = rover.shown_at else {
-                self.wrong = Some(format!("vehicle {} never heard of the stop", rover.id));
-                return;
-            };
-            if let Some(only) = self.only_by_bus {
-                let from = self.rovers[only].shown_at.unwrap_or(given);
-                if index != only {
-                    let took = shown_at.since(from);
-                    self.tally.by_beacons.push((took.as_secs_f64() / (ring * slot_s), took));
-                    if took > Duration::from_secs(10) {
-                        self.wrong = Some(format!("vehicle {} heard by beacons after {took:?}", rover.id));
-                    }
-                }
-                continue;
-            }
-            // From when on it could be reached without a break.
-            let cut_until = self.cuts.iter().filter(|(node, from, until)| {
-                *node == Node::Vehicle(index) && *from < given + bound && *until > given
-            });
-            let from = cut_until.map(|(_, _, until)| *until).chain([given]).max().unwrap_or(given);
-            let is_late_start = rover.up_from > given;
-            let (from, bound) = match (from > given, is_late_start) {
-                // What was cut off learns it from the next word of anyone, said once a second.
-                (true, _) => (from.max(rover.up_from), Duration::from_secs(4)),
-                (false, true) => (rover.up_from, bound + self.longest),
-                (false, false) => (given, bound),
-            };
-            let took = shown_at.since(from);
-            if from == given && !is_late_start {
-                self.tally.by_bus.push(took.saturating_sub(self.longest));
-            }
-            if took > bound && shown_at > from {
-                self.wrong = Some(format!(
-                    "vehicle {} showed the stop after {took:?}, longest delay {:?}, loss {:.2}",
-                    rover.id, self.longest, self.loss
-                ));
-            }
-        }
-    }
-}
-
-impl StopsTally {
-    /// Adds another world's.
-    pub fn add(&mut self, other: &StopsTally) {
-        self.by_bus.extend(&other.by_bus);
-        self.by_beacons.extend(&other.by_beacons);
-        self.restarted += other.restarted;
-        self.driving += other.driving;
-        self.driving_again += other.driving_again;
-    }
-
-    /// Returns the share of those who heard by beacons alone that did within three turns of the ring.
-    pub fn within_three_turns(&self) -> f64 {
-        let within = self.by_beacons.iter().filter(|(turns, _)| *turns <= 3.0).count();
-        within as f64 / self.by_beacons.len().max(1) as f64
     }
 }

@@ -33,6 +33,26 @@ pub struct Hello {
     pub interest: Vec<Interest>,
 }
 
+impl Hello {
+    /// Returns what a node says that asks whether it may take part, and says nothing else of itself: it has neither a name
+    /// nor a version, can do nothing, holds no lease, and wants to be told no more than all nodes are.
+    pub fn asking(node: Sender, boot: Boot, venue_hash: u64, instance: u64) -> Hello {
+        Hello {
+            node,
+            boot,
+            venue_hash,
+            instance,
+            is_member: false,
+            member_for_s: 0,
+            name: String::new(),
+            software: String::new(),
+            capabilities: Vec::new(),
+            lease: None,
+            interest: Vec::new(),
+        }
+    }
+}
+
 /// Something that a node has or can do.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Debug, Serialize, Deserialize)]
 pub enum Capability {

@@ -3,31 +3,17 @@
 use tomoswarm_proto::Control;
 
 use super::super::link::{AutopilotLink, In, Out, Reason, Remark};
+use super::super::tests_support::resting_report;
 use super::super::{
     Ack, ArmRefusal, Command, CommandAck, Fly, Kind, Mode, Motion, Purpose, Report, Settings, Status,
     SystemStatus,
 };
 use crate::actor::Actor;
-use crate::geom::{Angle, Point, Pose};
+use crate::geom::{Angle, Point};
 use crate::time::Time;
 
 fn at(time_s: f64) -> Time {
     Time::from_secs_f64(time_s)
-}
-
-/// At rest on the ground, armed, in GUIDED.
-fn report() -> Report {
-    Report {
-        pose: Pose { at: Point::default(), heading: Angle::default(), sd_m: 0.1 },
-        altitude_m: 0.0,
-        speed_mps: 0.0,
-        battery: 1.0,
-        motion: Motion::Resting,
-        is_landed: true,
-        mode: Mode::Guided,
-        is_armed: true,
-        status: SystemStatus::Active,
-    }
 }
 
 /// A link that has heard a report of a vehicle, at 1 s.
@@ -37,7 +23,7 @@ fn link(kind: Kind, heard: Report) -> AutopilotLink {
     link
 }
 
-/// Tells it something, after what was due before; gives what it says.
+/// Tells it something, after what was due before; returns what it says.
 fn told(link: &mut AutopilotLink, time_s: f64, input: In) -> Vec<Out> {
     let mut out = Vec::new();
     while let Some(due) = link.deadline().filter(|due| due.at < at(time_s)) {
@@ -53,12 +39,12 @@ fn commands(out: &[Out]) -> Vec<Command> {
     out.iter().filter_map(of).collect()
 }
 
-/// Tells it a want; gives what it commands.
+/// Tells it a want; returns what it commands.
 fn wanted(link: &mut AutopilotLink, time_s: f64, fly: Fly) -> Vec<Command> {
     commands(&told(link, time_s, In::Fly(fly)))
 }
 
-/// Answers the last command; gives what it says then.
+/// Answers the last command; returns what it says then.
 fn answered(link: &mut AutopilotLink, time_s: f64, result: CommandAck) -> Vec<Out> {
     let number = link.number;
     let arm_refusal = (result == CommandAck::Failed).then_some(ArmRefusal::NoPlace);
@@ -82,7 +68,7 @@ const GUIDED: Command = Command::Mode(Mode::Guided);
 
 #[test]
 fn a_start_brings_the_mode_then_the_motors_then_the_drive_that_waits() {
-    let mut rover = link(Kind::Rover, Report { mode: Mode::Hold, is_armed: false, ..report() });
+    let mut rover = link(Kind::Rover, Report { mode: Mode::Hold, is_armed: false, ..resting_report() });
     assert_eq!(wanted(&mut rover, 1.1, Fly::Arm), [GUIDED]);
     assert_eq!(wanted(&mut rover, 1.15, drive()), [], "one after the other");
     assert_eq!(commands(&answered(&mut rover, 1.2, CommandAck::Accepted)), [ARM]);
@@ -90,25 +76,25 @@ fn a_start_brings_the_mode_then_the_motors_then_the_drive_that_waits() {
         Command::Route { corners: vec![Point::new(3.0, 0.0)], altitude_m: None, speed_mps: Some(0.5) };
     assert_eq!(commands(&answered(&mut rover, 1.3, CommandAck::Accepted)), [route]);
     assert_eq!(answered(&mut rover, 1.4, CommandAck::Accepted), []);
-    let out = told(&mut rover, 1.5, In::Report(report()));
+    let out = told(&mut rover, 1.5, In::Report(resting_report()));
     assert_eq!(commands(&out), []);
 }
 
 #[test]
 fn one_that_is_armed_already_in_its_mode_is_told_nothing_by_a_start() {
-    let mut rover = link(Kind::Rover, report());
+    let mut rover = link(Kind::Rover, resting_report());
     assert_eq!(wanted(&mut rover, 1.1, Fly::Arm), []);
     assert_eq!(wanted(&mut rover, 1.2, drive()).len(), 1);
 }
 
 #[test]
 fn arming_is_tried_three_times_and_given_up_with_its_reason() {
-    let mut rover = link(Kind::Rover, Report { is_armed: false, ..report() });
+    let mut rover = link(Kind::Rover, Report { is_armed: false, ..resting_report() });
     let mut out = told(&mut rover, 1.1, In::Fly(Fly::Arm));
     for tenth in 12..60 {
         let now_s = f64::from(tenth) * 0.1;
         out.extend(answered(&mut rover, now_s, CommandAck::Failed));
-        out.extend(told(&mut rover, now_s, In::Report(Report { is_armed: false, ..report() })));
+        out.extend(told(&mut rover, now_s, In::Report(Report { is_armed: false, ..resting_report() })));
     }
     assert_eq!(commands(&out), [ARM, ARM, ARM]);
     let reason = Reason::WillNotArm(ArmRefusal::NoPlace);
@@ -121,7 +107,7 @@ fn arming_is_tried_three_times_and_given_up_with_its_reason() {
 
 #[test]
 fn a_stop_cancels_an_arming_until_the_vehicle_wants_to_move_again() {
-    let off = Report { is_armed: false, ..report() };
+    let off = Report { is_armed: false, ..resting_report() };
     let mut rover = link(Kind::Rover, off);
     assert_eq!(wanted(&mut rover, 1.1, Fly::Arm), [ARM]);
     assert_eq!(commands(&answered(&mut rover, 1.2, CommandAck::Failed)), []);
@@ -141,10 +127,10 @@ fn a_stop_cancels_an_arming_until_the_vehicle_wants_to_move_again() {
 
 #[test]
 fn whoever_disarms_by_hand_is_not_overruled() {
-    let mut rover = link(Kind::Rover, report());
+    let mut rover = link(Kind::Rover, resting_report());
     wanted(&mut rover, 1.1, Fly::Arm);
     for tenth in 12..80 {
-        let off = Report { is_armed: false, ..report() };
+        let off = Report { is_armed: false, ..resting_report() };
         assert_eq!(commands(&told(&mut rover, f64::from(tenth) * 0.1, In::Report(off))), []);
     }
     assert_eq!(wanted(&mut rover, 9.0, drive()), []);
@@ -152,11 +138,11 @@ fn whoever_disarms_by_hand_is_not_overruled() {
 
 #[test]
 fn a_stop_goes_past_what_waits_and_is_said_again_while_it_moves() {
-    let mut rover = link(Kind::Rover, report());
+    let mut rover = link(Kind::Rover, resting_report());
     assert_eq!(wanted(&mut rover, 1.1, drive()).len(), 1);
     assert_eq!(wanted(&mut rover, 1.15, Fly::Stop), [Command::Stop], "the drive is not answered yet");
     assert_eq!(wanted(&mut rover, 1.2, Fly::Stop), [], "it was just said");
-    let moves = Report { motion: Motion::Driving, speed_mps: 0.5, ..report() };
+    let moves = Report { motion: Motion::Driving, speed_mps: 0.5, ..resting_report() };
     let mut said = 0;
     for tenth in 13..25 {
         let mut out = Vec::new();
@@ -169,13 +155,13 @@ fn a_stop_goes_past_what_waits_and_is_said_again_while_it_moves() {
         assert!(commands(&out).iter().all(|command| !command.moves()), "the drive is forgotten");
     }
     assert_eq!(said, 4, "1.45, 1.75, 2.05, 2.35 s");
-    told(&mut rover, 2.5, In::Report(report()));
+    told(&mut rover, 2.5, In::Report(resting_report()));
     assert_eq!(rover.deadline().map(|due| due.why), Some("autopilot silent"), "it rests");
 }
 
 #[test]
 fn one_that_stands_in_its_mode_is_not_told_to_stand_and_changes_it_to_drive() {
-    let mut rover = link(Kind::Rover, Report { mode: Mode::Hold, ..report() });
+    let mut rover = link(Kind::Rover, Report { mode: Mode::Hold, ..resting_report() });
     assert_eq!(wanted(&mut rover, 1.1, Fly::Stop), []);
     assert_eq!(rover.deadline().map(|due| due.why), Some("autopilot silent"));
     assert_eq!(wanted(&mut rover, 1.6, drive()), [GUIDED]);
@@ -192,7 +178,7 @@ fn one_that_somebody_steers_when_it_is_first_heard_is_left_alone_until_it_is_tak
     ] {
         let mut rover = AutopilotLink::new(Settings::default());
         assert_eq!(
-            control(&told(&mut rover, 1.0, In::Report(Report { mode, status, ..report() }))),
+            control(&told(&mut rover, 1.0, In::Report(Report { mode, status, ..resting_report() }))),
             Some(expected)
         );
         assert_eq!(wanted(&mut rover, 1.1, drive()), []);
@@ -204,9 +190,9 @@ fn one_that_somebody_steers_when_it_is_first_heard_is_left_alone_until_it_is_tak
 
 #[test]
 fn a_person_who_takes_over_is_left_alone_until_that_is_taken_back() {
-    let mut rover = link(Kind::Rover, report());
+    let mut rover = link(Kind::Rover, resting_report());
     wanted(&mut rover, 1.1, drive());
-    let manual = Report { mode: Mode::Manual, motion: Motion::Driving, ..report() };
+    let manual = Report { mode: Mode::Manual, motion: Motion::Driving, ..resting_report() };
     let out = told(&mut rover, 1.2, In::Report(manual));
     assert_eq!((control(&out), remark(&out)), (Some(Control::Remote), Some(Remark::TakenOver(Mode::Manual))));
     for fly in [Fly::Stop, drive(), Fly::Turn(Angle::default()), Fly::Stop] {
@@ -217,19 +203,19 @@ fn a_person_who_takes_over_is_left_alone_until_that_is_taken_back() {
     assert_eq!(told(&mut rover, 2.15, In::Fly(Fly::Arm)), [], "a start that does not name it");
     assert_eq!(told(&mut rover, 2.2, In::Fly(Fly::TakeBack)), [Out::Status(Status::default())]);
     assert_eq!(wanted(&mut rover, 2.2, Fly::Arm), [GUIDED]);
-    let out = told(&mut rover, 2.3, In::Report(report()));
+    let out = told(&mut rover, 2.3, In::Report(resting_report()));
     assert_eq!(control(&out), None);
 }
 
 #[test]
 fn an_old_mode_is_no_take_over_for_three_seconds_and_one_after_that() {
     let start = |gap_s: f64| {
-        let old = Report { mode: Mode::Hold, ..report() };
+        let old = Report { mode: Mode::Hold, ..resting_report() };
         let mut rover = link(Kind::Rover, old);
         assert_eq!(wanted(&mut rover, 2.0, Fly::Arm), [GUIDED]);
         answered(&mut rover, 2.0, CommandAck::Accepted);
         for time_s in [2.1, 3.0, 4.0] {
-            told(&mut rover, time_s, In::Report(report()));
+            told(&mut rover, time_s, In::Report(resting_report()));
         }
         control(&told(&mut rover, 2.0 + gap_s, In::Report(old)))
     };
@@ -240,20 +226,20 @@ fn an_old_mode_is_no_take_over_for_three_seconds_and_one_after_that() {
 
 #[test]
 fn a_failsafe_is_the_autopilots_own_and_a_rover_is_stopped_under_it() {
-    let mut rover = link(Kind::Rover, report());
-    let critical = Report { mode: Mode::Return, status: SystemStatus::Critical, ..report() };
+    let mut rover = link(Kind::Rover, resting_report());
+    let critical = Report { mode: Mode::Return, status: SystemStatus::Critical, ..resting_report() };
     let out = told(&mut rover, 1.2, In::Report(Report { motion: Motion::Driving, ..critical }));
     assert_eq!((control(&out), remark(&out)), (Some(Control::Own), Some(Remark::ActsByItself(Mode::Return))));
     assert_eq!(wanted(&mut rover, 1.3, drive()), []);
     assert_eq!(wanted(&mut rover, 1.4, Fly::Stop), [Command::Mode(Mode::Hold)], "straight home is no way");
-    let mut copter = link(Kind::Copter, Report { is_landed: false, ..report() });
+    let mut copter = link(Kind::Copter, Report { is_landed: false, ..resting_report() });
     told(&mut copter, 1.2, In::Report(Report { is_landed: false, ..critical }));
     assert_eq!(wanted(&mut copter, 1.4, Fly::Stop), [], "it comes down by itself");
 }
 
 #[test]
 fn silence_is_said_and_a_stop_is_said_into_it() {
-    let mut rover = link(Kind::Rover, report());
+    let mut rover = link(Kind::Rover, resting_report());
     let due = rover.deadline().unwrap();
     assert_eq!((due.at, due.why), (at(3.0), "autopilot silent"));
     let mut out = Vec::new();
@@ -263,17 +249,17 @@ fn silence_is_said_and_a_stop_is_said_into_it() {
     assert_eq!(wanted(&mut rover, 4.1, Fly::Stop), [Command::Stop]);
     let due = rover.deadline().unwrap();
     assert_eq!((due.at, due.why), (at(5.1), "stop not shown"));
-    assert_eq!(control(&told(&mut rover, 5.0, In::Report(report()))), Some(Control::Ours));
-    let rebooted = Report { mode: Mode::Manual, status: SystemStatus::Booting, ..report() };
+    assert_eq!(control(&told(&mut rover, 5.0, In::Report(resting_report()))), Some(Control::Ours));
+    let rebooted = Report { mode: Mode::Manual, status: SystemStatus::Booting, ..resting_report() };
     assert_eq!(control(&told(&mut rover, 5.1, In::Report(rebooted))), Some(Control::Own));
 }
 
 #[test]
 fn a_copter_takes_off_before_it_flies_and_lands_before_it_is_disarmed() {
-    let mut copter = link(Kind::Copter, report());
+    let mut copter = link(Kind::Copter, resting_report());
     assert_eq!(wanted(&mut copter, 1.1, drive()), [Command::Takeoff { altitude_m: 2.0 }]);
     answered(&mut copter, 1.2, CommandAck::Accepted);
-    let flies = Report { is_landed: false, altitude_m: 1.0, ..report() };
+    let flies = Report { is_landed: false, altitude_m: 1.0, ..resting_report() };
     told(&mut copter, 1.3, In::Report(flies));
     let [Command::Route { altitude_m: Some(2.0), .. }] = wanted(&mut copter, 1.4, drive())[..] else {
         panic!("it goes on to its altitude")
@@ -282,7 +268,7 @@ fn a_copter_takes_off_before_it_flies_and_lands_before_it_is_disarmed() {
     assert_eq!(wanted(&mut copter, 1.6, drive()), [], "until a start");
     let lands = Report { mode: Mode::Land, ..flies };
     assert_eq!(control(&told(&mut copter, 1.9, In::Report(lands))), None, "its own mode");
-    let down = Report { mode: Mode::Land, ..report() };
+    let down = Report { mode: Mode::Land, ..resting_report() };
     assert_eq!(commands(&told(&mut copter, 6.0, In::Report(down))), [Command::Disarm { force: false }]);
     answered(&mut copter, 6.1, CommandAck::Accepted);
     let off = Report { is_armed: false, ..down };
@@ -293,16 +279,16 @@ fn a_copter_takes_off_before_it_flies_and_lands_before_it_is_disarmed() {
 
 #[test]
 fn a_disarming_that_shows_late_is_not_taken_for_current_by_a_start_after_it() {
-    let mut rover = link(Kind::Rover, report());
+    let mut rover = link(Kind::Rover, resting_report());
     assert_eq!(wanted(&mut rover, 1.1, Fly::Disarm), [Command::Disarm { force: false }]);
     answered(&mut rover, 1.2, CommandAck::Accepted);
-    told(&mut rover, 1.3, In::Report(report()));
+    told(&mut rover, 1.3, In::Report(resting_report()));
     assert_eq!(wanted(&mut rover, 1.4, Fly::Arm), [ARM]);
 }
 
 #[test]
 fn a_change_of_mode_that_a_silence_has_cut_off_is_said_anew_before_it_is_armed() {
-    let held = Report { mode: Mode::Hold, is_armed: false, ..report() };
+    let held = Report { mode: Mode::Hold, is_armed: false, ..resting_report() };
     let mut rover = link(Kind::Rover, held);
     assert_eq!(wanted(&mut rover, 2.9, Fly::Arm), [GUIDED]);
     let out = told(&mut rover, 4.0, In::Report(held));

@@ -48,30 +48,35 @@ impl Station {
         }
     }
 
-    /// Tells whether the present plans are for others than those who are there, or somebody has forgotten them.
+    /// Returns whether the present plans are for others than those who are there, or somebody has forgotten them.
     pub(super) fn must_rest(&self) -> bool {
         let members = self.succession.as_ref().map(Succession::members);
         self.disturbed || members != Some(&self.fleet.present()[..])
     }
 
-    /// Tells whether a sweep waits for vehicles to come back.
+    /// Returns whether a sweep waits for vehicles to come back.
     pub(super) fn waits_for_more(&self) -> bool {
         let stops = matches!(self.phase, Phase::Stopping(_));
         stops && self.fleet.present().len() < FEWEST.min(self.fleet.len())
     }
 
-    /// Tells whether enough vehicles have been heard that a sweep is worth beginning.
+    /// Returns whether enough vehicles have been heard that a sweep is worth beginning.
     pub(super) fn has_enough(&self) -> bool {
-        let heard =
-            self.fleet.members().filter(|(_, member)| member.state.is_some() && !member.dealings.is_lost);
+        let heard = self
+            .fleet
+            .members()
+            .filter(|(_, member)| member.state().is_some() && !member.dealings().is_lost());
         heard.count() >= FEWEST
     }
 
-    /// Tells whether whoever was dropped surely stands still; see the module's page.
+    /// Returns whether whoever was dropped surely stands still; see the module's page.
     fn lost_ones_rest(&self, now: Time) -> bool {
         let rests_after = self.lost_after.max(self.autonomy + ENDS_LEG);
-        let rests = |member: &Member| member.heard_at.is_none_or(|at| now.since(at) >= rests_after);
-        self.fleet.members().filter(|(_, member)| member.dealings.is_lost).all(|(_, member)| rests(member))
+        let rests = |member: &Member| member.heard_at().is_none_or(|at| now.since(at) >= rests_after);
+        self.fleet
+            .members()
+            .filter(|(_, member)| member.dealings().is_lost())
+            .all(|(_, member)| rests(member))
     }
 
     /// Says and remembers what a vehicle's message has shown; the sweep is planned anew at the next look.
@@ -87,7 +92,7 @@ impl Station {
         self.disturbed |= shown.found && is_driven;
     }
 
-    /// Tells whether everyone has come to rest and plans may be made.
+    /// Returns whether everyone has come to rest and plans may be made.
     pub(super) fn may_plan(&self, now: Time) -> bool {
         let stopped = self.succession.as_ref().is_some_and(|known| known.phase() == sweep::Phase::Stopped);
         stopped && !self.waits_for_more() && self.lost_ones_rest(now) && self.fleet.are_placed()

@@ -67,22 +67,22 @@ pub struct Memory {
 }
 
 impl Memory {
-    /// Gives the id of the store that it belongs to.
+    /// Returns the id of the store that it belongs to.
     pub fn store(&self) -> u64 {
         self.brief.store
     }
 
-    /// Gives the run that is under way, if any.
+    /// Returns the run that is under way, if any.
     pub fn run(&self) -> Option<RunId> {
         self.brief.phase.sweep().map(|sweep| sweep.run)
     }
 
-    /// Gives the runs that are closed, ascending.
+    /// Returns the runs that are closed, ascending.
     pub fn closed(&self) -> &[RunId] {
         &self.brief.closed
     }
 
-    /// Gives the lease that was held last.
+    /// Returns the lease that was held last.
     pub fn lease(&self) -> Lease {
         self.brief.lease
     }
@@ -115,7 +115,7 @@ impl Brief {
             && *lease == station.leases.own()
             && *phase == station.phase
             && edition == station.succession.as_ref().map(edition_of)
-            && station.fleet.members().map(|(id, member)| (id, &member.dealings)).eq(dealings)
+            && station.fleet.members().map(|(id, member)| (id, member.dealings())).eq(dealings)
             && *wished == station.wished
             && *newest_run == station.newest_run
             && *standing == station.standing

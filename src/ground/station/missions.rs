@@ -55,7 +55,7 @@ impl Station {
     fn there(&self, now: Time) -> impl Iterator<Item = VehicleId> {
         let lost_after = self.lost_after;
         let is_there = move |heard_at: Option<Time>| heard_at.is_some_and(|at| now.since(at) <= lost_after);
-        self.fleet.members().filter(move |(_, member)| is_there(member.heard_at)).map(|(id, _)| id)
+        self.fleet.members().filter(move |(_, member)| is_there(member.heard_at())).map(|(id, _)| id)
     }
 }
 

@@ -106,7 +106,7 @@ impl Station {
     fn ask(&mut self, now: Time, sweep: Sweep, out: &mut Vec<Out>) {
         let Some(succession) = &self.succession else { return };
         let place = |(id, member): (VehicleId, &Member)| Some((id, member.place()?));
-        let present = |(_, member): &(VehicleId, &Member)| !member.dealings.is_lost;
+        let present = |(_, member): &(VehicleId, &Member)| !member.dealings().is_lost();
         let places = self.fleet.members().filter(present).filter_map(place).collect();
         let (run, revision, first_lap) = (sweep.run, succession.next_revision(), sweep.laps_done);
         let task = self.runs.sweep(run);
@@ -233,7 +233,7 @@ impl Station {
         }
     }
 
-    /// Tells whether every vehicle has done its last stop of a lap, under the present plans.
+    /// Returns whether every vehicle has done its last stop of a lap, under the present plans.
     fn is_done(&self, sweep: Sweep, lap: &[(VehicleId, StopId)]) -> bool {
         let plan = self.succession.iter().flat_map(Succession::plans).next();
         let present = plan.map(|plan| (sweep.run, plan.revision));
@@ -241,7 +241,7 @@ impl Station {
             self.fleet.members().any(|(id, member)| {
                 let of_present =
                     |progress: &VehicleProgress| Some((progress.run, progress.revision)) == present;
-                let progress = member.progress.filter(of_present);
+                let progress = member.progress().filter(of_present);
                 id == *vehicle
                     && progress.and_then(|progress| progress.done).is_some_and(|done| done >= *stop)
             })

@@ -1,5 +1,7 @@
 //! How the station brings a wish to its end, and what it does when nobody gets on.
 
+mod scripted_swarm;
+
 use std::time::Duration;
 
 use tomoswarm_proto::{
@@ -7,7 +9,6 @@ use tomoswarm_proto::{
 };
 
 use super::*;
-use crate::geom::Lattice;
 use crate::ground::planner::Answer;
 
 const RUN: RunId = RunId(2);
@@ -16,20 +17,7 @@ const ONE: VehicleId = VehicleId(1);
 const LEASE: Lease = Lease { number: 1, holder: 1 };
 
 fn settings() -> StationSettings {
-    StationSettings {
-        vehicles: vec![ONE],
-        lease: Some(LEASE),
-        holder: 1,
-        take_over: false,
-        boot: Boot(1),
-        compare_with: Some(RunId(1)),
-        lost_after: Duration::from_secs(30),
-        autonomy: Duration::from_secs(60),
-        store: 7,
-        lattice: Lattice::new(0.2),
-        bin_m: 0.5,
-        spot_m: 0.06,
-    }
+    StationSettings { compare_with: Some(RunId(1)), ..scripted_swarm::settings(1) }
 }
 
 fn station() -> Station {
@@ -61,8 +49,8 @@ fn state() -> In {
 /// The vehicle shows what somebody else has ordered it: by the lease in force, above all that it was ordered before.
 fn shows(station: &mut Station, time_s: f64, run: RunId, kind: OrderKind) -> Vec<Out> {
     let (_, member) = station.fleet.members().next().unwrap();
-    let issued = member.dealings.issued.as_ref().map(|order| order.revision);
-    let echo = member.dealings.echo.map(|ordered| ordered.revision);
+    let issued = member.dealings().open_order().map(|order| order.revision);
+    let echo = member.state().map(|state| state.ordered.revision);
     let revision = Revision(issued.max(echo).unwrap_or_default().0 + 1);
     let sequence = station.fleet.newest_state(ONE).map_or(1, |seen| seen.sequence + 1);
     let In::Bus(Message::State(state)) = state() else { unreachable!() };

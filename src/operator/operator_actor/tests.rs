@@ -19,19 +19,8 @@ const OWN: u64 = 7;
 const TICK: Duration = Duration::from_millis(20);
 
 fn settings(greets: bool) -> OperatorSettings {
-    let hello = Hello {
-        node: Sender::Operator(OperatorId(1)),
-        boot: Boot(0),
-        venue_hash: 5,
-        instance: 1,
-        is_member: true,
-        member_for_s: 0,
-        software: "0.1.0".to_owned(),
-        capabilities: vec![],
-        name: String::new(),
-        lease: None,
-        interest: vec![],
-    };
+    let asking = Hello::asking(Sender::Operator(OperatorId(1)), Boot(0), 5, 1);
+    let hello = Hello { is_member: true, software: "0.1.0".to_owned(), ..asking };
     OperatorSettings { hello, greets, holder: OWN, expected: BTreeSet::new() }
 }
 

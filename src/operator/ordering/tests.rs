@@ -37,7 +37,7 @@ struct World {
     rovers: Vec<Rover>,
     report: Option<Report>,
     sent: Vec<(Time, Order)>,
-    /// Tells whether an order with this running number is lost.
+    /// Returns whether an order with this running number is lost.
     loses: fn(usize) -> bool,
     /// From when on the vehicles' states come.
     states_from: Time,
@@ -290,20 +290,7 @@ fn a_start_of_an_idle_ground_begins_the_next_run_and_otherwise_goes_on() {
 /// A greeting of a vehicle with this version and venue file.
 fn greets(vehicle: u8, version: u8, venue_hash: u64) -> Heard {
     let (node, boot) = (Sender::Vehicle(VehicleId(vehicle)), Boot(1));
-    let (software, capabilities) = (String::new(), vec![]);
-    let hello = Hello {
-        node,
-        boot,
-        venue_hash,
-        instance: 1,
-        is_member: true,
-        member_for_s: 9,
-        name: String::new(),
-        software,
-        capabilities,
-        lease: None,
-        interest: vec![],
-    };
+    let hello = Hello { is_member: true, member_for_s: 9, ..Hello::asking(node, boot, venue_hash, 1) };
     let hello = (version == codec::VERSION).then_some(hello);
     Heard::Greeting(Greeting { version, node, boot, venue_hash }, hello)
 }

@@ -32,17 +32,11 @@ fn capabilities() -> [Capability; 4] {
 
 fn hello(node: Sender) -> Hello {
     Hello {
-        node,
-        boot: Boot(1),
-        venue_hash: 5,
-        instance: 1,
         is_member: true,
         member_for_s: 60,
-        name: String::new(),
         software: "0.1.0".to_owned(),
         capabilities: capabilities().to_vec(),
-        lease: None,
-        interest: vec![],
+        ..Hello::asking(node, Boot(1), 5, 1)
     }
 }
 

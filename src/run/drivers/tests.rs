@@ -8,9 +8,10 @@ use std::time::Duration;
 use tomoswarm_proto::VehicleId;
 
 use super::*;
-use crate::autopilot::{Ack, CommandAck, Mode, Motion, Report, SystemStatus};
+use crate::autopilot::tests_support::resting_report;
+use crate::autopilot::{Ack, CommandAck};
 use crate::config::{self, bundled};
-use crate::geom::{Angle, Point, Pose};
+use crate::geom::Angle;
 use crate::node::sensor::{Echo, Ping};
 use crate::run::link::{FromWorld, ToWorld, Welcome, decode, encode, read_frame, write_frame};
 
@@ -64,20 +65,6 @@ fn measure(devices: &Devices) {
     devices.stop();
 }
 
-fn report() -> Report {
-    Report {
-        pose: Pose { at: Point::new(1.0, 2.0), heading: Angle::ZERO, sd_m: 0.1 },
-        altitude_m: 0.0,
-        speed_mps: 0.0,
-        battery: 1.0,
-        motion: Motion::Resting,
-        is_landed: true,
-        mode: Mode::Guided,
-        is_armed: true,
-        status: SystemStatus::Active,
-    }
-}
-
 #[test]
 fn a_ping_goes_to_the_world_only_where_that_has_the_range_sensor() {
     for (range, has_ping) in [("sim", true), ("none", false)] {
@@ -101,7 +88,7 @@ fn an_echo_of_the_world_is_no_echo_of_a_real_sensor() {
         let (devices, events, mut world) = devices(range);
         measure(&devices);
         world.say(&FromWorld::Echo(Echo { number: 7, range_m: None }));
-        world.say(&FromWorld::Autopilot(report()));
+        world.say(&FromWorld::Autopilot(resting_report()));
         world.say(&FromWorld::Ack(Ack { number: 9, result: CommandAck::Accepted, arm_refusal: None }));
         world.say(&FromWorld::Unsent(3));
         let hear = || events.recv_timeout(Duration::from_secs(10)).unwrap();

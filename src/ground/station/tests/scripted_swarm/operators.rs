@@ -27,19 +27,8 @@ fn one_lap() -> TaskKind {
 
 /// An operator that greets and says to hold a lease.
 fn hello(operator: u8, held: Lease) -> In {
-    In::Bus(Message::Hello(Hello {
-        node: Sender::Operator(OperatorId(operator)),
-        boot: Boot(1),
-        venue_hash: 5,
-        instance: held.holder,
-        is_member: true,
-        member_for_s: 1,
-        name: String::new(),
-        software: String::new(),
-        capabilities: Vec::new(),
-        lease: Some(held),
-        interest: Vec::new(),
-    }))
+    let asking = Hello::asking(Sender::Operator(OperatorId(operator)), Boot(1), 5, held.holder);
+    In::Bus(Message::Hello(Hello { is_member: true, member_for_s: 1, lease: Some(held), ..asking }))
 }
 
 /// Orders everyone to go on, by a lease that nobody has heard of before.

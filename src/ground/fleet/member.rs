@@ -1,0 +1,256 @@
+//! One vehicle as the ground sees it: what it has said last, and when it was heard. Does not know the other ones, and decides
+//! nothing about orders (`fleet/dealings.rs`).
+
+use serde::{Deserialize, Serialize};
+use tomoswarm_proto::{Boot, Lease, Mission, Order, RunId, SeenState, StandReason, State};
+
+use super::dealings::Dealings;
+use crate::geom::Point;
+use crate::sweep::{LOWER_BOOT_AFTER, VehicleProgress};
+use crate::time::Time;
+
+/// One vehicle as the ground sees it.
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
+pub struct Member {
+    /// Its newest state, and when it came.
+    state: Option<(Time, State)>,
+    progress: Option<VehicleProgress>,
+    mission: Option<Mission>,
+    heard_at: Option<Time>,
+    dealings: Dealings,
+}
+
+/// What a message of a vehicle has shown.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
+pub struct Shown {
+    /// Its software has been started anew.
+    pub restarted: bool,
+    /// It was lost, and is back.
+    pub found: bool,
+    /// It has got on with its plan.
+    pub got_on: bool,
+    /// Somebody else has ordered it to begin this run.
+    pub started: Option<RunId>,
+}
+
+impl Member {
+    /// Returns its newest state.
+    pub fn state(&self) -> Option<&State> {
+        self.state.as_ref().map(|(_, state)| state)
+    }
+
+    /// Returns its newest state, as plans and orders name it; `None` = it was not heard.
+    pub fn seen_state(&self) -> Option<SeenState> {
+        self.state().map(|state| SeenState { boot: state.boot, sequence: state.sequence })
+    }
+
+    /// Returns where it is; `None` when it was not heard, or does not know.
+    pub fn place(&self) -> Option<Point> {
+        self.state()?.pose.map(|pose| pose.at.into())
+    }
+
+    /// Returns its newest progress.
+    pub fn progress(&self) -> Option<VehicleProgress> {
+        self.progress
+    }
+
+    /// Returns what the newest start of its software has said of its mission last.
+    pub fn mission(&self) -> Option<&Mission> {
+        self.mission.as_ref()
+    }
+
+    /// Returns when it last said its state. Progress alone is no sign of life: it comes on when the autopilot is silent.
+    pub fn heard_at(&self) -> Option<Time> {
+        self.heard_at
+    }
+
+    /// Returns what was dealt with it.
+    pub fn dealings(&self) -> &Dealings {
+        &self.dealings
+    }
+
+    /// Returns what was dealt with it, to be dealt with further.
+    pub fn dealings_mut(&mut self) -> &mut Dealings {
+        &mut self.dealings
+    }
+
+    /// Returns whether it is waited for, and was not heard yet.
+    pub fn is_unheard(&self) -> bool {
+        self.state.is_none() && !self.dealings.is_lost()
+    }
+
+    /// Returns whether a start of its software is the newest one heard, or newer.
+    pub fn is_current(&self, boot: Boot) -> bool {
+        self.dealings.boot().is_none_or(|known| known <= boot)
+    }
+
+    /// Takes a state, from a station that orders by `lease`; an older one changes nothing, and one of an earlier start only
+    /// after a long silence.
+    pub fn hear_state(&mut self, now: Time, state: State, lease: Lease) -> Shown {
+        let key = |state: &State| (state.boot, state.sequence);
+        let is_old =
+            self.state().is_some_and(|known| key(&state) <= key(known)) || !self.is_current(state.boot);
+        if is_old && !self.counts_anew(now, state.boot) {
+            return Shown::default();
+        }
+        let restarted = self.dealings.hear(state.boot);
+        self.heard_at = Some(now);
+        let found = self.dealings.find();
+        let started = self.dealings.take_echo(state.ordered, state.accepted.0, lease);
+        let started = started.or_else(|| self.dealings.under_way(&state));
+        // Also when a start of before the stop was shown after it: what an open stop holds stands.
+        if let Some(StandReason::Stop(_)) = state.stands_under {
+            self.dealings.be_stopped();
+        }
+        self.state = Some((now, state));
+        Shown { restarted, found, got_on: false, started }
+    }
+
+    /// Takes a progress; one of an older start of the software, or a lower revision of the same run, changes nothing.
+    pub fn hear_progress(&mut self, progress: VehicleProgress) -> Shown {
+        if !self.is_current(progress.boot) {
+            return Shown::default();
+        }
+        let restarted = self.dealings.hear(progress.boot);
+        let key = |progress: &VehicleProgress| (progress.run, progress.revision, progress.done);
+        let before = self.progress.as_ref().map(key);
+        if before <= Some(key(&progress)) {
+            self.progress = Some(progress);
+        }
+        Shown { restarted, got_on: before < Some(key(&progress)), ..Shown::default() }
+    }
+
+    /// Takes what it says of its mission, unless an earlier start of its software has said it.
+    pub fn hear_mission(&mut self, mission: &Mission) {
+        if self.is_current(mission.boot) {
+            self.mission = Some(*mission);
+        }
+    }
+
+    /// Counts its silence from a moment on, if it was not heard before.
+    pub fn count_silence_from(&mut self, from: Time) {
+        self.heard_at.get_or_insert(from);
+    }
+
+    /// Returns the order that is not yet seen in a state, answering the newest state heard.
+    pub fn open_order(&self) -> Option<Order> {
+        let seen = self.seen_state()?;
+        Some(Order { seen: Some(seen), ..self.dealings.open_order()?.clone() })
+    }
+
+    /// Takes the open order for said.
+    pub fn note_said(&mut self) {
+        if self.state.is_some() {
+            self.dealings.note_said();
+        }
+    }
+
+    /// Takes up what was dealt with it before.
+    pub fn recall(&mut self, dealings: Dealings) {
+        self.dealings = dealings;
+    }
+
+    /// Returns whether a lower count of starts is believed: it has been silent for so long that its disk is a new one.
+    fn counts_anew(&self, now: Time, boot: Boot) -> bool {
+        !self.is_current(boot) && self.heard_at.is_some_and(|at| now.since(at) > LOWER_BOOT_AFTER)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use tomoswarm_proto::{OrderKind, Ordered, Revision, VehicleId};
+
+    const LEASE: Lease = Lease { number: 1, holder: 9 };
+    const RUN: RunId = RunId(1);
+
+    fn at(at_s: u32) -> Time {
+        Time::from_secs_f64(f64::from(at_s))
+    }
+
+    fn state(boot: u32, sequence: u64) -> State {
+        let vehicle = VehicleId(1);
+        State { vehicle, boot: Boot(boot), sequence, pose: Some(Default::default()), ..State::default() }
+    }
+
+    fn progress(boot: u32) -> VehicleProgress {
+        let vehicle = VehicleId(1);
+        VehicleProgress { vehicle, boot: Boot(boot), run: RUN, ..VehicleProgress::default() }
+    }
+
+    fn hear(member: &mut Member, now_s: u32, boot: u32, sequence: u64) -> Shown {
+        member.hear_state(at(now_s), state(boot, sequence), LEASE)
+    }
+
+    #[test]
+    fn old_states_change_nothing() {
+        let mut member = Member::default();
+        assert!(member.is_unheard() && member.place().is_none());
+        hear(&mut member, 0, 1, 9);
+        assert_eq!(hear(&mut member, 1, 1, 4), Shown::default());
+        let newest = SeenState { boot: Boot(1), sequence: 9 };
+        assert_eq!((member.seen_state(), member.heard_at()), (Some(newest), Some(at(0))));
+        assert!(!member.is_unheard() && member.place().is_some());
+    }
+
+    #[test]
+    fn an_order_waits_until_it_is_heard_and_answers_the_newest_state() {
+        let mut member = Member::default();
+        member.dealings_mut().start(VehicleId(1), LEASE, RUN);
+        assert_eq!(member.open_order(), None);
+        hear(&mut member, 0, 1, 5);
+        let open = member.open_order().unwrap();
+        assert_eq!((open.revision, open.seen), (Revision(1), member.seen_state()));
+        let ordered = Ordered { lease: LEASE, revision: Revision(1), run: RUN, kind: Some(OrderKind::Start) };
+        member.hear_state(at(1), State { ordered, ..state(1, 6) }, LEASE);
+        assert_eq!(member.open_order(), None);
+    }
+
+    #[test]
+    fn who_drives_a_leg_is_under_way_though_it_was_started_before_it_was_heard() {
+        let ordered = Ordered { lease: LEASE, revision: Revision(1), run: RUN, kind: Some(OrderKind::Start) };
+        let accepted = (RUN, Revision(3));
+        let mut member = Member::default();
+        let rests = State { ordered, accepted, ..state(1, 1) };
+        assert_eq!(member.hear_state(at(0), rests, LEASE).started, None);
+        let drives = State { ordered, accepted, leg: Some(Default::default()), ..state(1, 2) };
+        assert_eq!(member.hear_state(at(1), drives.clone(), LEASE).started, Some(RUN));
+        let drives = State { sequence: 3, ..drives };
+        assert_eq!(member.hear_state(at(2), drives, LEASE).started, None, "that is known");
+    }
+
+    #[test]
+    fn a_restart_is_seen_and_what_was_said_before_it_counts_no_more() {
+        let mut member = Member::default();
+        assert!(!hear(&mut member, 0, 1, 100).restarted);
+        assert!(hear(&mut member, 0, 2, 1).restarted);
+        assert_eq!(member.hear_progress(progress(1)), Shown::default());
+        assert!(member.hear_progress(progress(2)).got_on);
+        assert!(member.hear_progress(progress(3)).restarted);
+        let mission = |boot| Mission { vehicle: VehicleId(1), boot: Boot(boot), ..Mission::default() };
+        member.hear_mission(&mission(2));
+        assert_eq!(member.mission(), None);
+        member.hear_mission(&mission(3));
+        assert_eq!(member.mission(), Some(&mission(3)));
+    }
+
+    #[test]
+    fn a_vehicle_with_a_new_disk_is_believed_after_a_long_silence_and_has_restarted() {
+        let mut member = Member::default();
+        hear(&mut member, 0, 9, 100);
+        assert_eq!(hear(&mut member, 30, 1, 7), Shown::default(), "30 s are not long enough");
+        assert!(!member.is_current(Boot(1)));
+        assert!(hear(&mut member, 31, 1, 8).restarted);
+        assert!(member.is_current(Boot(1)) && member.hear_progress(progress(1)).got_on);
+        assert!(!hear(&mut member, 32, 1, 9).restarted, "it is heard by its own count now");
+    }
+
+    #[test]
+    fn who_was_lost_is_found_by_a_newer_state_alone() {
+        let mut member = Member::default();
+        hear(&mut member, 0, 1, 5);
+        member.dealings_mut().lose();
+        assert!(!hear(&mut member, 1, 1, 5).found && !member.hear_progress(progress(1)).found);
+        assert!(hear(&mut member, 1, 1, 6).found && !member.dealings().is_lost());
+    }
+}

@@ -1,0 +1,148 @@
+//! What was heard of each peer last, and the samples that follow: one of each newer beacon heard, and one of each that was
+//! missed between two, at both ends' places between those then and now. Decides neither for which run is measured nor
+//! when to speak.
+//!
+//! A beacon that comes twice, or after a newer one, is no news. What was called missed when a newer one came stays so.
+
+use std::collections::BTreeMap;
+
+use serde::{Deserialize, Serialize};
+use tomoswarm_proto::{BEACON_MEMBERS_MAX, Beacon, Boot, PoseReport, RunId, Sample, VehicleId};
+
+use super::Heard;
+use super::ring::MEMBER_FOR;
+use crate::geom::Pose;
+use crate::time::Time;
+
+/// A gap of more beacons than this is a new start, not that many misses.
+const MISSES_MAX: u32 = 200;
+
+/// What was heard, and the samples made of it.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub(super) struct Reception {
+    pose_sd_max_m: f64,
+    heard: BTreeMap<VehicleId, Last>,
+    /// How many samples of each run were made.
+    samples: BTreeMap<RunId, u64>,
+}
+
+/// The last beacon of a peer.
+#[derive(Clone, Copy, Debug, Serialize, Deserialize)]
+struct Last {
+    boot: Boot,
+    sequence: u32,
+    /// When it was heard.
+    at: Time,
+    /// Where it believed to be, if it knew.
+    pose: Option<PoseReport>,
+    /// Where the receiver was then, if it knew.
+    receiver: Option<Pose>,
+}
+
+impl Reception {
+    /// Makes one that has heard nobody; of transmitters with a larger deviation than `pose_sd_max_m` nothing is measured.
+    pub fn new(pose_sd_max_m: f64) -> Reception {
+        Reception { pose_sd_max_m, heard: BTreeMap::new(), samples: BTreeMap::new() }
+    }
+
+    /// Returns how many samples of a run were made.
+    pub fn samples_made(&self, run: RunId) -> u64 {
+        self.samples.get(&run).copied().unwrap_or_default()
+    }
+
+    /// Returns whether a beacon is newer than all that were heard of its sender. A start of the sender's software that is
+    /// lower than the one heard last counts again when that one has left the ring.
+    pub fn is_news(&self, now: Time, beacon: &Beacon) -> bool {
+        self.heard.get(&beacon.sender).is_none_or(|last| {
+            let has_left = beacon.boot < last.boot && now.since(last.at) > MEMBER_FOR;
+            (beacon.boot, beacon.sequence) > (last.boot, last.sequence) || has_left
+        })
+    }
+
+    /// Returns whose own beacons were heard lately, ascending; of more than a beacon names, those heard last.
+    pub fn heard_lately(&self, now: Time) -> Vec<VehicleId> {
+        let lately = self.heard.iter().filter(|(_, last)| now.since(last.at) <= MEMBER_FOR);
+        let mut lately: Vec<(Time, VehicleId)> = lately.map(|(id, last)| (last.at, *id)).collect();
+        lately.sort_unstable_by(|a, b| b.cmp(a));
+        lately.truncate(BEACON_MEMBERS_MAX);
+        let mut members: Vec<VehicleId> = lately.into_iter().map(|(_, id)| id).collect();
+        members.sort_unstable();
+        members
+    }
+
+    /// Takes a beacon that is news, heard at the place `receiver`, if that is known; returns the samples that follow for the
+    /// run that is measured.
+    pub fn take(
+        &mut self,
+        now: Time,
+        heard: &Heard,
+        receiver: Option<Pose>,
+        measures: Option<RunId>,
+    ) -> Vec<Sample> {
+        let Beacon { sender, boot, sequence, pose, ref progress, .. } = heard.beacon;
+        let made = match (receiver, measures) {
+            // If the two are not of one run, nobody would know what was measured.
+            (Some(receiver), Some(run)) if progress.run == run => self.measure(now, heard, receiver),
+            (Some(_) | None, Some(_) | None) => Vec::new(),
+        };
+        self.heard.insert(sender, Last { boot, sequence, at: now, pose, receiver });
+        made
+    }
+
+    fn measure(&mut self, now: Time, heard: &Heard, receiver: Pose) -> Vec<Sample> {
+        let Heard { beacon, rssi_dbm } = heard;
+        let Some(transmitter) = beacon.pose else { return Vec::new() };
+        let missed = self.misses(beacon);
+        let last = self.heard.get(&beacon.sender);
+        let last_transmitter = last.and_then(|last| last.pose).unwrap_or(transmitter);
+        let last_receiver = last.and_then(|last| last.receiver).unwrap_or(receiver);
+        let mut made = Vec::new();
+        for share in 1..=missed {
+            let along = f64::from(share) / f64::from(missed + 1);
+            let transmitter_then = between(last_transmitter.into(), transmitter.into(), along).into();
+            let receiver_then = between(last_receiver, receiver, along);
+            made.push(self.sample(now, beacon, (transmitter_then, receiver_then), None));
+        }
+        if Pose::from(transmitter).sd_m <= self.pose_sd_max_m {
+            made.push(self.sample(now, beacon, (transmitter, receiver), Some(*rssi_dbm)));
+        }
+        made
+    }
+
+    /// Returns how many beacons of the sender were missed since the last one heard.
+    fn misses(&self, beacon: &Beacon) -> u32 {
+        let Some(last) = self.heard.get(&beacon.sender) else { return 0 };
+        let gap = beacon.sequence.saturating_sub(last.sequence).saturating_sub(1);
+        if last.boot == beacon.boot && gap <= MISSES_MAX { gap } else { 0 }
+    }
+
+    /// Makes a sample between a transmitter and a receiver, and counts it.
+    fn sample(
+        &mut self,
+        now: Time,
+        beacon: &Beacon,
+        (transmitter_pose, receiver_pose): (PoseReport, Pose),
+        rssi_dbm: Option<i16>,
+    ) -> Sample {
+        let count = self.samples.entry(beacon.progress.run).or_default();
+        let sequence = *count;
+        *count += 1;
+        Sample {
+            sequence,
+            heard_at_ns: now.as_nanos(),
+            transmitter: beacon.sender,
+            transmitter_pose,
+            receiver_pose: receiver_pose.into(),
+            channel: beacon.channel,
+            power_dbm: beacon.power_dbm,
+            rssi_dbm,
+        }
+    }
+}
+
+fn between(from: Pose, to: Pose, share: f64) -> Pose {
+    Pose { at: from.at.toward(to.at, share), ..to }
+}
+
+#[cfg(test)]
+mod tests;
