@@ -27,7 +27,6 @@ use super::process::{Finish, Process};
 use super::state_dir::{StateDir, StateDirError};
 use super::trust::TrustError;
 use super::vehicle_process::{recorder, short, watch_recorder, watch_stops};
-use crate::actor::Actor;
 use crate::config::GroundFile;
 use crate::ground::from_config::{PartsError, ground_parts};
 use crate::ground::station::{self, Memory, Station};
