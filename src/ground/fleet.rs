@@ -18,7 +18,7 @@ use tomoswarm_proto::{
 
 use crate::geom::Point;
 use crate::stops::first_that_stops;
-use crate::sweep::{LOWER_BOOT_AFTER, VehicleProgress};
+use crate::sweep::{LOWER_BOOT_AFTER, LowerNumbers, VOID_AFTER, VehicleProgress};
 use crate::time::Time;
 
 /// What must not be forgotten of a vehicle when the ground station starts anew.
@@ -49,8 +49,12 @@ pub struct Dealings {
 pub struct Member {
     /// Its newest state, and when it came.
     pub state: Option<(Time, State)>,
+    /// States that came behind the newest one since.
+    lower: LowerNumbers,
     /// Its newest progress.
     pub progress: Option<VehicleProgress>,
+    /// When that, or a later one, was said last.
+    pub progress_at: Option<Time>,
     /// What the newest start of its software has said of its mission last.
     pub mission: Option<Mission>,
     /// When it last said its state. Progress alone is no sign of life: it comes on when the autopilot is silent.
@@ -135,17 +139,26 @@ impl Fleet {
         self.lease
     }
 
-    /// Takes a state; older ones and those of strangers change nothing, and those of an earlier start only after a long
-    /// silence.
+    /// Takes a state; those of strangers change nothing, older ones only when they go on and nothing newer comes, and those
+    /// of an earlier start only after a long silence.
     pub fn heard_state(&mut self, now: Time, state: State) -> Shown {
         let lease = self.lease;
         let Some(member) = self.members.get_mut(&state.vehicle) else { return Shown::default() };
         let key = |state: &State| (state.boot, state.sequence);
-        let is_old = member.state.as_ref().is_some_and(|(_, known)| key(&state) <= key(known))
-            || member.dealings.boot.is_some_and(|boot| state.boot < boot);
-        if is_old && !member.counts_anew(now, state.boot) {
+        let known = member.state.as_ref().map(|(_, known)| key(known));
+        let is_earlier_start = member.dealings.boot.is_some_and(|boot| state.boot < boot);
+        let is_believed = match known {
+            _ if is_earlier_start => member.counts_anew(now, state.boot),
+            Some((boot, sequence)) if boot == state.boot && state.sequence < sequence => {
+                member.lower.go_on(now, state.sequence)
+            }
+            Some(known) => known < key(&state),
+            None => true,
+        };
+        if !is_believed {
             return Shown::default();
         }
+        member.lower = LowerNumbers::default();
         let mut shown = member.hear(state.boot);
         member.heard_at = Some(now);
         shown.found = std::mem::take(&mut member.dealings.is_lost);
@@ -155,8 +168,9 @@ impl Fleet {
         shown
     }
 
-    /// Takes a progress; one of an older start of the software, or a lower revision of the same run, changes nothing.
-    pub fn heard_progress(&mut self, progress: VehicleProgress) -> Shown {
+    /// Takes a progress; one of an older start of the software changes nothing, nor does one behind what was said not long
+    /// ago.
+    pub fn heard_progress(&mut self, now: Time, progress: VehicleProgress) -> Shown {
         let Some(member) = self.members.get_mut(&progress.vehicle) else { return Shown::default() };
         if member.dealings.boot.is_some_and(|boot| progress.boot < boot) {
             return Shown::default();
@@ -164,8 +178,9 @@ impl Fleet {
         let mut shown = member.hear(progress.boot);
         let key = |progress: &VehicleProgress| (progress.run, progress.revision, progress.done);
         let before = member.progress.as_ref().map(key);
-        if before <= Some(key(&progress)) {
-            member.progress = Some(progress);
+        let is_void = member.progress_at.is_none_or(|at| now.since(at) > VOID_AFTER);
+        if before <= Some(key(&progress)) || is_void {
+            (member.progress, member.progress_at) = (Some(progress), Some(now));
         }
         shown.got_on = before < Some(key(&progress));
         shown
@@ -621,9 +636,9 @@ mod tests {
         assert!(fleet.heard_state(Time::ZERO, State { boot: Boot(2), ..state(1, 0, None) }).restarted);
         let old =
             VehicleProgress { vehicle: ONE, boot: Boot(1), run: RunId(1), ..VehicleProgress::default() };
-        assert_eq!(fleet.heard_progress(old), Shown::default());
-        assert!(fleet.heard_progress(VehicleProgress { boot: Boot(2), ..old }).got_on);
-        assert!(fleet.heard_progress(VehicleProgress { boot: Boot(3), ..old }).restarted);
+        assert_eq!(fleet.heard_progress(Time::ZERO, old), Shown::default());
+        assert!(fleet.heard_progress(Time::ZERO, VehicleProgress { boot: Boot(2), ..old }).got_on);
+        assert!(fleet.heard_progress(Time::ZERO, VehicleProgress { boot: Boot(3), ..old }).restarted);
     }
 
     #[test]
@@ -637,8 +652,49 @@ mod tests {
             VehicleProgress { vehicle: ONE, boot: Boot(1), run: RunId(1), ..VehicleProgress::default() };
         assert!(!fleet.is_current(&progress));
         assert!(fleet.heard_state(at(31), state_of(1, 8)).restarted);
-        assert!(fleet.is_current(&progress) && fleet.heard_progress(progress).got_on);
+        assert!(fleet.is_current(&progress) && fleet.heard_progress(Time::ZERO, progress).got_on);
         assert!(!fleet.heard_state(at(32), state_of(1, 9)).restarted, "it is heard by its own count now");
+    }
+
+    #[test]
+    fn a_state_that_its_vehicle_did_not_say_is_forgotten_when_its_own_go_on() {
+        let at = |time_s: f64| Time::from_secs_f64(time_s);
+        let mut fleet = Fleet::new(&[ONE], LEASE);
+        fleet.heard_state(at(0.0), state(100, 0, None));
+        fleet.heard_state(at(0.1), state(u64::MAX, 0, None));
+        let newest = |fleet: &Fleet| fleet.newest_state(ONE).unwrap().sequence;
+        for turn in 1..=50_u32 {
+            fleet.heard_state(at(0.2 * f64::from(turn)), state(100 + u64::from(turn), 0, None));
+            assert_eq!(newest(&fleet), u64::MAX, "a few may be late");
+        }
+        let shown = fleet.heard_state(at(10.2), state(151, 0, None));
+        assert_eq!((newest(&fleet), shown.restarted), (151, false));
+        fleet.heard_state(at(10.3), state(120, 0, None));
+        assert_eq!(newest(&fleet), 151, "one that is late is late");
+    }
+
+    #[test]
+    fn a_progress_that_its_vehicle_does_not_say_again_is_forgotten() {
+        let at = |time_s: f64| Time::from_secs_f64(time_s);
+        let of = |revision: u32, done: u32| VehicleProgress {
+            vehicle: ONE,
+            boot: Boot(1),
+            run: RunId(1),
+            revision: Revision(revision),
+            done: Some(tomoswarm_proto::StopId(done)),
+            leg: None,
+        };
+        let mut fleet = Fleet::new(&[ONE], LEASE);
+        let progress = |fleet: &Fleet| fleet.members().next().unwrap().1.progress;
+        fleet.heard_progress(at(0.0), of(2, 5));
+        fleet.heard_progress(at(1.0), of(900, 9));
+        fleet.heard_progress(at(10.9), of(2, 6));
+        assert_eq!(progress(&fleet), Some(of(900, 9)), "it may be late");
+        fleet.heard_progress(at(11.1), of(2, 6));
+        assert_eq!(progress(&fleet), Some(of(2, 6)));
+        assert!(fleet.heard_progress(at(11.2), of(2, 7)).got_on);
+        fleet.heard_progress(at(11.3), of(2, 5));
+        assert_eq!(progress(&fleet), Some(of(2, 7)));
     }
 
     #[test]
@@ -650,11 +706,10 @@ mod tests {
         fleet.heard_state(at(0), state(1, 0, None));
         for second in 0..40 {
             fleet.heard_state(at(second), State { vehicle: two, ..state(second + 1, 0, None) });
-            fleet.heard_progress(VehicleProgress {
-                vehicle: ONE,
-                boot: Boot(1),
-                ..VehicleProgress::default()
-            });
+            fleet.heard_progress(
+                Time::ZERO,
+                VehicleProgress { vehicle: ONE, boot: Boot(1), ..VehicleProgress::default() },
+            );
             let lost = fleet.lose(at(second), after, others);
             assert_eq!(lost, if second == 31 { vec![ONE] } else { vec![] }, "{second}");
         }

@@ -18,7 +18,7 @@ use super::peers::{Peer, Peers, join_states};
 use super::sensor::Scan;
 use crate::actor::{Actor, Class, Fault, Input};
 use crate::geom::Pose;
-use crate::map::{Body, Changes, Joined, Mapper, Merged, PeerBody, Repair, ScanReading};
+use crate::map::{Body, Changes, Joined, Mapper, Merged, PeerBody, Refused, Repair, ScanReading};
 use crate::time::{Deadline, Time};
 
 /// Changed tiles and the digest are published this often.
@@ -164,6 +164,9 @@ impl Map {
 
     fn tile(&mut self, now: Time, report: TileReport, out: &mut Vec<Out>) {
         let joined = self.merged.join(&report);
+        if joined == Err(Refused::Own) && self.merged.disown(&report) {
+            self.unshared.insert(report.address);
+        }
         self.repair.pass(now, &self.merged, &report);
         match joined {
             Ok(Joined::Newer { .. }) => out.push(Out::Tiles(vec![report])),

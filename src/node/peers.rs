@@ -13,7 +13,7 @@ use tomoswarm_proto::{Boot, Mode, State, VehicleId};
 
 use super::radio::Sighting;
 use crate::geom::{Angle, Point, Pose, Vector};
-use crate::sweep::LOWER_BOOT_AFTER;
+use crate::sweep::{LOWER_BOOT_AFTER, LowerNumbers};
 use crate::time::Time;
 
 /// A vehicle of which neither state nor beacon was heard for this long is silent.
@@ -37,6 +37,8 @@ const RESTS_AFTER: Duration = Duration::from_millis(1500);
 pub(super) struct Peer {
     /// Start of its software, and which of its states this is.
     edition: (Boot, u64),
+    /// Its states that came behind that one since.
+    lower: LowerNumbers,
     /// When a state of it came last.
     state_at: Option<Time>,
     /// From where a motion is told by beacons.
@@ -89,16 +91,18 @@ impl Peers {
         Peers { own, newest: BTreeMap::new() }
     }
 
-    /// Takes a state; the own one, and one older than the newest known, changes nothing.
+    /// Takes a state; the own one changes nothing, nor does one older than the newest known, unless such go on and nothing
+    /// newer comes.
     pub fn take(&mut self, now: Time, state: &State) {
-        let known = self.newest.get(&state.vehicle);
-        let is_late = |known: &Peer| match state.boot == known.edition.0 {
-            true => known.edition.1 >= state.sequence,
+        let is_late = |known: &mut Peer| match state.boot == known.edition.0 {
+            true if state.sequence < known.edition.1 => !known.lower.go_on(now, state.sequence),
+            true => known.edition.1 == state.sequence,
             false => known.has_outlived(now, state.boot),
         };
-        if state.vehicle == self.own || known.is_some_and(is_late) {
+        if state.vehicle == self.own || self.newest.get_mut(&state.vehicle).is_some_and(is_late) {
             return;
         }
+        let known = self.newest.get(&state.vehicle);
         let resting = state.leg.is_none() && !matches!(state.mode, Mode::Driving | Mode::Turning);
         let moved_at = known.filter(|_| resting).map_or(now, |known| known.moved_at);
         let Some(pose) = state.pose.map(Pose::from) else {
@@ -107,6 +111,7 @@ impl Peers {
         let leg = state.leg.iter().flat_map(|leg| leg.route.iter().map(|corner| Point::from(*corner)));
         let peer = Peer {
             edition: edition(state),
+            lower: LowerNumbers::default(),
             state_at: Some(now),
             anchor: pose,
             heard_at: now,
@@ -124,6 +129,7 @@ impl Peers {
     fn take_without_place(&mut self, now: Time, state: &State, resting: bool) {
         let Some(peer) = self.newest.get_mut(&state.vehicle) else { return };
         (peer.edition, peer.state_at, peer.heard_at) = (edition(state), Some(now), now);
+        peer.lower = LowerNumbers::default();
         peer.resting = resting;
         if !resting {
             peer.moved_at = now;
@@ -141,6 +147,7 @@ impl Peers {
         };
         let unknown = Peer {
             edition: (boot, 0),
+            lower: LowerNumbers::default(),
             state_at: None,
             anchor: pose,
             heard_at: now,
@@ -302,6 +309,24 @@ mod tests {
             let peer = peers.get(VehicleId(2)).unwrap();
             assert_eq!((peer.at.x_m, peer.heard_at), (2.0, at(31.5)));
         }
+    }
+
+    #[test]
+    fn a_state_that_a_peer_did_not_say_is_forgotten_when_its_own_go_on() {
+        let mut peers = Peers::new(VehicleId(1));
+        let state_of = |sequence: u64, x_m: f64| State { sequence, ..state(2, x_m, 0.0) };
+        peers.take(at(0.0), &state_of(100, 1.0));
+        peers.take(at(0.1), &state_of(u64::MAX, 9.0));
+        for turn in 1..=50_u32 {
+            let at = at(0.2 * f64::from(turn));
+            peers.take(at, &state_of(100 + u64::from(turn), 1.0));
+            peers.sight(at, &sighting(1, 1.0));
+        }
+        assert_eq!(peers.get(VehicleId(2)).unwrap().edition.1, u64::MAX, "a few may be late");
+        peers.take(at(10.2), &state_of(151, 2.0));
+        assert_eq!(peers.get(VehicleId(2)).unwrap().at.x_m, 2.0);
+        peers.take(at(10.3), &state_of(120, 1.0));
+        assert_eq!(peers.get(VehicleId(2)).unwrap().at.x_m, 2.0);
     }
 
     #[test]

@@ -553,7 +553,11 @@ impl Shared {
         };
         self.heard_at.store(now.as_nanos(), Ordering::Relaxed);
         self.has_heard.store(true, Ordering::Relaxed);
-        let Reception { heard, verdict, reply } = lock(&self.exchange).accept(now, bytes.len(), heard);
+        let reception = lock(&self.exchange).accept(now, bytes.len(), heard);
+        let Reception { heard, verdict, reply } = match reception {
+            Ok(reception) => reception,
+            Err(refusal) => return self.refuse(Some(sender), key, &refusal),
+        };
         (self.subscriber)(heard, verdict);
         reply.into_iter().for_each(|frame| self.send(frame));
     }

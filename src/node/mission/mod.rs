@@ -246,7 +246,7 @@ impl Mission {
             return out.extend(self.leases.wait_with(plan).map(Out::Remember));
         }
         self.resume_for(now, plan, out);
-        out.extend(self.plan.offer(plan).map(Out::Remark));
+        out.extend(self.plan.offer(now, plan).map(Out::Remark));
         self.report(out);
     }
 
