@@ -17,7 +17,7 @@ use std::collections::BTreeMap;
 use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
-use tomoswarm_proto::{Boot, Have, HeardFrom, RunId, Sample, Samples, VehicleId};
+use tomoswarm_proto::{Boot, Have, HeardFrom, RunId, Sample, Samples, VehicleId, WATERMARKS_ALWAYS};
 
 use crate::actor::{Actor, Class, Fault, Input};
 use crate::sweep::VOID_AFTER;
@@ -294,10 +294,23 @@ impl Outbox {
         }
         self.store = Some((have.store, now));
         let own = self.vehicle;
-        for mark in have.watermarks.iter().filter(|mark| mark.vehicle == own) {
-            self.take_mark(now, mark);
-            self.forget(now, mark, have, out);
+        let marks = have.watermarks.iter().filter(|mark| mark.vehicle == own).copied();
+        for mark in marks.chain(self.not_named(have)) {
+            self.take_mark(now, &mark);
+            self.forget(now, &mark, have, out);
         }
+    }
+
+    /// Gives the sources of which a store was believed to have something, and which it does not name though it names all.
+    fn not_named(&self, have: &Have) -> Vec<HeardFrom> {
+        let tells_all = have.watermarks.len() < WATERMARKS_ALWAYS;
+        let nothing =
+            |(boot, run): &Source| HeardFrom { vehicle: self.vehicle, boot: *boot, run: *run, below: 0 };
+        let known = self.marks.keys().filter(|_| tells_all).map(nothing);
+        let is_of = |mark: &HeardFrom, other: &HeardFrom| {
+            (mark.vehicle, mark.boot, mark.run) == (other.vehicle, other.boot, other.run)
+        };
+        known.filter(|mark| !have.watermarks.iter().any(|named| is_of(mark, named))).collect()
     }
 
     fn begin_store(&mut self, now: Time) {

@@ -3,7 +3,7 @@
 //!
 //! A state tells the way that a vehicle is committed to. A beacon tells its place alone: it counts when no state has
 //! come for a while, and then a vehicle that moves claims some way ahead. Who is heard neither way is *silent*: what was
-//! last known of it stays, an obstacle on its last leg.
+//! last known of it stays, an obstacle on its last leg; unless no ground station expects it.
 
 use std::collections::BTreeMap;
 use std::time::Duration;
@@ -16,6 +16,8 @@ use crate::geom::{Angle, Point, Pose, Vector};
 use crate::sweep::{LOWER_BOOT_AFTER, LowerNumbers};
 use crate::time::Time;
 
+/// A vehicle that no ground station expects is forgotten when it was not heard for so long.
+const STRANGER_FOR: Duration = Duration::from_secs(60);
 /// A vehicle of which neither state nor beacon was heard for this long is silent.
 pub(super) const SILENT_AFTER: Duration = Duration::from_secs(2);
 /// A vehicle that drove when it was heard last is not waited for any longer than this.
@@ -57,6 +59,8 @@ pub(super) struct Peer {
     pub resting: bool,
     /// When it was last heard to move, or first heard.
     pub moved_at: Time,
+    /// When a ground station said last that it expects it.
+    expected_at: Option<Time>,
 }
 
 impl Peer {
@@ -121,6 +125,7 @@ impl Peers {
             claim: std::iter::once(pose.at).chain(leg).collect(),
             resting,
             moved_at,
+            expected_at: known.and_then(|known| known.expected_at),
         };
         self.newest.insert(state.vehicle, peer);
     }
@@ -157,6 +162,7 @@ impl Peers {
             claim: vec![pose.at],
             resting: false,
             moved_at: now,
+            expected_at: self.newest.get(&vehicle).and_then(|known| known.expected_at),
         };
         let peer = self.newest.entry(vehicle).or_insert_with(|| unknown.clone());
         if peer.has_outlived(now, boot) {
@@ -177,6 +183,18 @@ impl Peers {
         if let Some(peer) = known {
             peer.heard_at = now;
         }
+    }
+
+    /// Takes whom a ground station expects. A vehicle of the swarm that has fallen silent stays where it was last known to
+    /// be, for ever; one that is none and is not heard any more was perhaps never there: it is forgotten.
+    pub fn note_expected(&mut self, now: Time, expected: &[VehicleId]) {
+        for vehicle in expected {
+            if let Some(peer) = self.newest.get_mut(vehicle) {
+                peer.expected_at = Some(now);
+            }
+        }
+        let is_recent = |at: Time| now.since(at) <= STRANGER_FOR;
+        self.newest.retain(|_, peer| is_recent(peer.heard_at) || peer.expected_at.is_some_and(is_recent));
     }
 
     /// Gives the others, ascending.
@@ -327,6 +345,26 @@ mod tests {
         assert_eq!(peers.get(VehicleId(2)).unwrap().at.x_m, 2.0);
         peers.take(at(10.3), &state_of(120, 1.0));
         assert_eq!(peers.get(VehicleId(2)).unwrap().at.x_m, 2.0);
+    }
+
+    #[test]
+    fn a_silent_vehicle_stays_an_obstacle_unless_no_ground_station_expects_it() {
+        let mut peers = Peers::new(VehicleId(1));
+        for vehicle in [2, 3, 4] {
+            peers.take(at(0.0), &state(vehicle, f64::from(vehicle), 0.0));
+        }
+        let known = |peers: &Peers| peers.iter().map(|(id, _)| id.0).collect::<Vec<_>>();
+        for second in 0..200_u32 {
+            let now = at(f64::from(second));
+            peers.take(now, &State { sequence: u64::from(second) + 2, ..state(4, 4.0, 0.0) });
+            peers.note_expected(now, &[VehicleId(1), VehicleId(2)]);
+            let expected = if second <= 60 { &[2, 3, 4][..] } else { &[2, 4] };
+            assert_eq!(known(&peers), expected, "{second} s");
+        }
+        peers.note_expected(at(230.0), &[]);
+        assert_eq!(known(&peers), [2, 4], "of several ground stations one may expect it");
+        peers.note_expected(at(260.1), &[]);
+        assert_eq!(peers.iter().count(), 0);
     }
 
     #[test]

@@ -252,6 +252,20 @@ fn what_a_store_does_not_say_again_was_never_stored_and_is_sent() {
 }
 
 #[test]
+fn a_source_that_a_store_does_not_name_at_all_is_not_stored() {
+    let mut rig = Rig::new();
+    rig.tell(have(1, &[(1, 1, u64::MAX)], &[]));
+    rig.keep(0..10);
+    for second in 1..=10_u32 {
+        assert!(rig.sent(1).is_empty(), "{second} s");
+        rig.now = Time::from_secs_f64(f64::from(second));
+        rig.tell(have(1, &[], &[]));
+    }
+    let sent: BTreeSet<u64> = rig.sent(3).into_iter().collect();
+    assert_eq!(sent, (0..10).collect());
+}
+
+#[test]
 fn memory_is_bounded_and_what_does_not_fit_is_sent_later() {
     let all = CAPACITY as u64 + 7000;
     let mut rig = Rig::new();
