@@ -28,6 +28,6 @@ pub use message::{
     MissionRefusal, Mode, Order, OrderKind, Ordered, Plan, Power, Progress, RadioHealth, RadioKind,
     RangeHealth, RangeSensorKind, RecordingHealth, Rectangle, Report, RunEnd, RunReport, Sample, Samples,
     SeenState, ServoKind, StandReason, Standing, State, StationPhase, Stop, StopScope, SweepPlanner,
-    TILE_CELLS, TILE_SIDE, Task, TaskKind, TileAddress, TileReport, Want,
+    TILE_CELLS, TILE_SIDE, Task, TaskKind, TileAddress, TileReport, WATERMARKS_ALWAYS, Want,
 };
 pub use units::{Deviation, Heading, Permille, PoseReport, Position, Tilt, Velocity};

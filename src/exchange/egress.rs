@@ -9,6 +9,7 @@ use std::collections::{BTreeMap, VecDeque};
 use tomoswarm_proto::codec::{EncodeError, encode};
 use tomoswarm_proto::{Message, Topic};
 
+use super::plausibility::Numbers;
 use super::table::{Class, row};
 use super::token_bucket::TokenBucket;
 use crate::time::Time;
@@ -27,6 +28,8 @@ pub struct OutboundFrame {
     pub topic: Topic,
     /// Whether a later frame of its topic takes its place.
     pub is_replaced: bool,
+    /// What others count on from.
+    pub numbers: Numbers,
     /// The frame.
     pub frame: Vec<u8>,
 }
@@ -39,7 +42,8 @@ impl OutboundFrame {
     pub fn of(message: &Message) -> Result<OutboundFrame, EncodeError> {
         let (frame, topic) = (encode(message)?, Topic::of(message));
         let row = row(topic.kind);
-        Ok(OutboundFrame { class: row.class, topic, is_replaced: row.is_replaced, frame })
+        let (class, is_replaced, numbers) = (row.class, row.is_replaced, Numbers::of(message));
+        Ok(OutboundFrame { class, topic, is_replaced, numbers, frame })
     }
 }
 
@@ -154,7 +158,8 @@ mod tests {
     }
 
     fn frame(class: Class, name: &str, bytes: usize) -> OutboundFrame {
-        OutboundFrame { class, topic: topic(name), is_replaced: true, frame: vec![0; bytes] }
+        let (topic, numbers) = (topic(name), Numbers::default());
+        OutboundFrame { class, topic, is_replaced: true, numbers, frame: vec![0; bytes] }
     }
 
     /// An egress whose budget is spent.

@@ -69,6 +69,16 @@ pub enum Refusal {
         /// Who said it.
         sender: Sender,
     },
+    /// A number that others count on from is too far above all that were heard.
+    #[error("{what} {number} is too far above {highest}, the highest heard")]
+    Leaps {
+        /// What is counted.
+        what: &'static str,
+        /// The number.
+        number: u32,
+        /// The highest that is believed.
+        highest: u32,
+    },
 }
 
 impl Refusal {
@@ -77,6 +87,7 @@ impl Refusal {
         match self {
             Refusal::NoSender => "a key of no sender",
             Refusal::OverShare => "more than its share of the bus",
+            Refusal::Leaps { .. } => "a number far above all others",
             Refusal::Damaged
             | Refusal::Unreadable { .. }
             | Refusal::ForeignGreeting { .. }

@@ -4,6 +4,7 @@
 //! ```text
 //!            ┌─ ingress ──────────────────────┐   ┌─ presence ────────────┐
 //!   frame ─► │ share ─► codec ─► may say that? │ ─►│ is it listened to?    │ ─► heard
+//!            │             └► can that be true? │   │                       │
 //!            └──────┬─────────────────────────┘   │ greets, joins, leaves │
 //!                   ▼ refused, counted            └──────────┬────────────┘
 //!            ┌─ egress ───────────────────────┐              │ greetings; nothing else before it takes part
@@ -19,6 +20,7 @@
 pub mod egress;
 pub mod ingress;
 pub mod joining;
+pub mod plausibility;
 pub mod presence;
 pub mod restarts;
 pub mod table;
@@ -33,6 +35,7 @@ use tomoswarm_proto::{Hello, Message, Sender};
 use self::egress::{Egress, OutboundFrame};
 use self::ingress::{Heard, Ingress, Refusal, read};
 use self::joining::Verdict;
+use self::plausibility::Plausibility;
 use self::presence::{Judgement, Presence};
 use crate::time::Time;
 
@@ -40,6 +43,8 @@ use crate::time::Time;
 #[derive(Debug)]
 pub struct Exchange {
     ingress: Ingress,
+    /// `None` = a tool, which hears everything and decides nothing for long.
+    plausibility: Option<Plausibility>,
     presence: Presence,
     egress: Egress,
 }
@@ -74,7 +79,8 @@ impl Exchange {
     /// Makes the exchange of a node that may send so many bytes a second.
     pub fn new(egress_bytes_per_s: u32, presence: Presence) -> Exchange {
         let (ingress, egress) = (Ingress::new(egress_bytes_per_s), Egress::new(egress_bytes_per_s));
-        Exchange { ingress, presence, egress }
+        let plausibility = presence.is_of_node().then(Plausibility::default);
+        Exchange { ingress, plausibility, presence, egress }
     }
 
     /// Takes a frame of a sender, as its key or address names it.
@@ -83,13 +89,10 @@ impl Exchange {
     /// The frame is refused, and counted.
     pub fn hear(&mut self, now: Time, sender: Sender, frame: &[u8]) -> Result<Reception, Refusal> {
         let heard = self.admit(now, sender, frame.len()).and_then(|()| read(sender, frame));
-        match heard {
-            Ok(heard) => Ok(self.accept(now, frame.len(), heard)),
-            Err(refusal) => {
-                self.refuse(Some(sender), &refusal);
-                Err(refusal)
-            }
-        }
+        let reception = heard.and_then(|heard| self.accept(now, frame.len(), heard));
+        reception.inspect_err(|refusal| {
+            self.refuse(Some(sender), refusal);
+        })
     }
 
     /// Takes so many bytes of a sender's share; what is refused is counted by [`Exchange::refuse`].
@@ -101,15 +104,21 @@ impl Exchange {
     }
 
     /// Takes what a frame of so many bytes says; what is of an unknown kind is counted, and nothing else comes of it.
-    pub fn accept(&mut self, now: Time, bytes: usize, heard: Heard) -> Reception {
+    ///
+    /// # Errors
+    /// What it says is not plausible; to be counted by [`Exchange::refuse`].
+    pub fn accept(&mut self, now: Time, bytes: usize, heard: Heard) -> Result<Reception, Refusal> {
         if let Heard::Unknown(_) = heard {
             self.ingress.drop_unknown();
-            return Reception { heard: None, verdict: Verdict::Fine, reply: None };
+            return Ok(Reception { heard: None, verdict: Verdict::Fine, reply: None });
+        }
+        if let Some(plausibility) = &mut self.plausibility {
+            plausibility.judge(now, &heard)?;
         }
         self.ingress.accept(bytes);
         let Judgement { heard, verdict, answer } = self.presence.hear(now, heard);
         let reply = answer.and_then(|hello| self.offer_greeting(now, hello));
-        Reception { heard, verdict, reply }
+        Ok(Reception { heard, verdict, reply })
     }
 
     /// Counts a refusal; returns how many of its sort there were when that is worth a line.
@@ -130,6 +139,9 @@ impl Exchange {
     pub fn offer(&mut self, now: Time, frame: OutboundFrame) -> Option<OutboundFrame> {
         if !self.presence.may_say(frame.topic.kind) {
             return None;
+        }
+        if let Some(plausibility) = &mut self.plausibility {
+            plausibility.know(now, frame.numbers);
         }
         self.egress.offer(now, frame)
     }

@@ -41,6 +41,14 @@ impl Presence {
         Presence::Listener { may_speak: false }
     }
 
+    /// Returns whether it is that of a node; a tool listens only.
+    pub fn is_of_node(&self) -> bool {
+        match self {
+            Presence::Node(_) => true,
+            Presence::Listener { .. } => false,
+        }
+    }
+
     /// Judges what was heard.
     pub fn hear(&mut self, now: Time, heard: Heard) -> Judgement {
         let fine = |heard| Judgement { heard, verdict: Verdict::Fine, answer: None };

@@ -81,8 +81,8 @@ impl Fleet {
         self.lease
     }
 
-    /// Takes a state; older ones and those of strangers change nothing, and those of an earlier start only after a long
-    /// silence.
+    /// Takes a state; those of strangers change nothing, older ones only when they go on and nothing newer comes, and those
+    /// of an earlier start only after a long silence.
     pub fn heard_state(&mut self, now: Time, state: State) -> Shown {
         match self.members.get_mut(&state.vehicle) {
             Some(member) => member.hear_state(now, state, self.lease),
@@ -90,10 +90,11 @@ impl Fleet {
         }
     }
 
-    /// Takes a progress; one of an older start of the software, or a lower revision of the same run, changes nothing.
-    pub fn heard_progress(&mut self, progress: VehicleProgress) -> Shown {
+    /// Takes a progress; one of an older start of the software changes nothing, nor does one behind what was said not long
+    /// ago.
+    pub fn heard_progress(&mut self, now: Time, progress: VehicleProgress) -> Shown {
         match self.members.get_mut(&progress.vehicle) {
-            Some(member) => member.hear_progress(progress),
+            Some(member) => member.hear_progress(now, progress),
             None => Shown::default(),
         }
     }
@@ -252,7 +253,7 @@ mod tests {
             Shown::default()
         );
         let progress = VehicleProgress { vehicle: stranger, ..VehicleProgress::default() };
-        assert_eq!(fleet.heard_progress(progress), Shown::default());
+        assert_eq!(fleet.heard_progress(Time::ZERO, progress), Shown::default());
         assert_eq!((fleet.unheard(), fleet.newest_state(stranger), fleet.len()), (vec![ONE], None, 1));
     }
 
@@ -294,6 +295,47 @@ mod tests {
     }
 
     #[test]
+    fn a_state_that_its_vehicle_did_not_say_is_forgotten_when_its_own_go_on() {
+        let at = |time_s: f64| Time::from_secs_f64(time_s);
+        let mut fleet = Fleet::new(&[ONE], LEASE);
+        fleet.heard_state(at(0.0), state(100, 0, None));
+        fleet.heard_state(at(0.1), state(u64::MAX, 0, None));
+        let newest = |fleet: &Fleet| fleet.newest_state(ONE).unwrap().sequence;
+        for turn in 1..=50_u32 {
+            fleet.heard_state(at(0.2 * f64::from(turn)), state(100 + u64::from(turn), 0, None));
+            assert_eq!(newest(&fleet), u64::MAX, "a few may be late");
+        }
+        let shown = fleet.heard_state(at(10.2), state(151, 0, None));
+        assert_eq!((newest(&fleet), shown.restarted), (151, false));
+        fleet.heard_state(at(10.3), state(120, 0, None));
+        assert_eq!(newest(&fleet), 151, "one that is late is late");
+    }
+
+    #[test]
+    fn a_progress_that_its_vehicle_does_not_say_again_is_forgotten() {
+        let at = |time_s: f64| Time::from_secs_f64(time_s);
+        let of = |revision: u32, done: u32| VehicleProgress {
+            vehicle: ONE,
+            boot: Boot(1),
+            run: RunId(1),
+            revision: Revision(revision),
+            done: Some(tomoswarm_proto::StopId(done)),
+            leg: None,
+        };
+        let mut fleet = Fleet::new(&[ONE], LEASE);
+        let progress = |fleet: &Fleet| fleet.members().next().unwrap().1.progress();
+        fleet.heard_progress(at(0.0), of(2, 5));
+        fleet.heard_progress(at(1.0), of(900, 9));
+        fleet.heard_progress(at(10.9), of(2, 6));
+        assert_eq!(progress(&fleet), Some(of(900, 9)), "it may be late");
+        fleet.heard_progress(at(11.1), of(2, 6));
+        assert_eq!(progress(&fleet), Some(of(2, 6)));
+        assert!(fleet.heard_progress(at(11.2), of(2, 7)).got_on);
+        fleet.heard_progress(at(11.3), of(2, 5));
+        assert_eq!(progress(&fleet), Some(of(2, 7)));
+    }
+
+    #[test]
     fn progress_alone_keeps_nobody_from_being_lost_and_finds_nobody() {
         let two = VehicleId(2);
         let (after, others) = (Duration::from_secs(30), Duration::from_secs(2));
@@ -302,11 +344,10 @@ mod tests {
         fleet.heard_state(at(0), state(1, 0, None));
         for second in 0..40 {
             fleet.heard_state(at(second), State { vehicle: two, ..state(second + 1, 0, None) });
-            fleet.heard_progress(VehicleProgress {
-                vehicle: ONE,
-                boot: Boot(1),
-                ..VehicleProgress::default()
-            });
+            fleet.heard_progress(
+                Time::ZERO,
+                VehicleProgress { vehicle: ONE, boot: Boot(1), ..VehicleProgress::default() },
+            );
             let lost = fleet.lose(at(second), after, others);
             assert_eq!(lost, if second == 31 { vec![ONE] } else { vec![] }, "{second}");
         }

@@ -7,7 +7,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use serde::{Deserialize, Serialize};
-use tomoswarm_proto::{Boot, Have, HeardFrom, RunId, Sample, Samples, VehicleId};
+use tomoswarm_proto::{Boot, Have, HeardFrom, RunId, Sample, Samples, VehicleId, WATERMARKS_ALWAYS};
 
 use crate::geom::Point;
 use crate::tomo::{Link, LinkBins};
@@ -18,8 +18,8 @@ const BEYOND_MAX: usize = 65_536;
 const SOURCES_MAX: usize = 16_384;
 /// Bin pairs of one run at most, 20 times those of a long sweep by eight vehicles.
 const BINS_MAX: usize = 500_000;
-/// Watermarks of the newest runs, told every time, and of the others, in turn: together under 64 kB.
-const MARKS_NEWEST: usize = 1024;
+/// Watermarks of the newest runs are told every time, [`WATERMARKS_ALWAYS`], and so many of the others, in turn: together
+/// under 64 kB.
 const MARKS_IN_TURN: usize = 1024;
 /// Closed runs told of, the newest.
 const CLOSED_MAX: usize = 1024;
@@ -113,7 +113,7 @@ impl SampleStore {
     pub fn have(&self, closed: &BTreeSet<RunId>, turn: u64) -> Have {
         let mut sources: Vec<(&Source, &Received)> = self.received.iter().collect();
         sources.sort_by_key(|((vehicle, boot, run), _)| std::cmp::Reverse((*run, *boot, *vehicle)));
-        let older = sources.split_off(sources.len().min(MARKS_NEWEST));
+        let older = sources.split_off(sources.len().min(WATERMARKS_ALWAYS));
         let pages = older.len().div_ceil(MARKS_IN_TURN).max(1) as u64;
         let page = usize::try_from(turn % pages).unwrap_or(0);
         sources.extend(older.into_iter().skip(page * MARKS_IN_TURN).take(MARKS_IN_TURN));

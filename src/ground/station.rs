@@ -297,7 +297,7 @@ impl Station {
     }
 
     fn hear_progress(&mut self, now: Time, progress: VehicleProgress, out: &mut Vec<Out>) {
-        let shown = self.fleet.heard_progress(progress);
+        let shown = self.fleet.heard_progress(now, progress);
         self.shown(progress.vehicle, shown, out);
         if shown.got_on {
             self.got_on_at = now;

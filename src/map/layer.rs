@@ -70,6 +70,14 @@ impl Layer {
         self.count(address, new);
     }
 
+    /// Gives a tile another revision, a higher one.
+    pub(super) fn raise(&mut self, address: TileAddress, revision: u32) {
+        let Some(tile) = self.tiles.get_mut(&address) else { return };
+        let old = std::mem::replace(&mut tile.revision, revision);
+        self.discount(address, old);
+        self.count(address, revision);
+    }
+
     fn count(&mut self, address: TileAddress, revision: u32) {
         self.hash = self.hash.wrapping_add(tile_hash(address, revision));
         self.revisions = self.revisions.wrapping_add(u64::from(revision));

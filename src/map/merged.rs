@@ -20,6 +20,13 @@ pub const MAX_LAYERS: usize = 256;
 /// A map holds at most this many tiles over all layers; more are refused.
 pub const MAX_TILES: usize = 65_536;
 
+/// Up to this a tile may have any revision: what a vehicle changes twenty times a second for nine days.
+pub const ANY_REVISION_UNTIL: u32 = 1 << 24;
+/// Beyond that it may be so far above the one that is held: a tile with the last revision of all could never be put right.
+const REVISION_STEP: u32 = 4096;
+/// Of a map with more tiles the writer of a layer disowns only those that it has written.
+const DISOWNS_WITHIN: usize = MAX_TILES / 2;
+
 /// Tiles named in a want at most; the wire carries no more.
 const WANT_TILES: usize = 4096;
 
@@ -44,6 +51,14 @@ pub enum Refused {
     /// Somebody else reports a revision of the layer which only this node writes.
     #[error("only this node writes its own layer")]
     Own,
+    /// Its revision is too far above the one that is held.
+    #[error("revision {revision} of a tile is too far above {held}, which is held")]
+    Leaps {
+        /// The revision that is reported.
+        revision: u32,
+        /// The one that is held, 0 = none.
+        held: u32,
+    },
     /// The map is full.
     #[error("a map holds at most {MAX_LAYERS} layers and {MAX_TILES} tiles")]
     Full,
@@ -95,13 +110,15 @@ impl Merged {
     /// Takes a tile from elsewhere when it is newer than what is known.
     ///
     /// # Errors
-    /// [`Refused`] when the tile is impossible, of the own layer, or the map is full; nothing changes then.
+    /// [`Refused`] when the tile is impossible, of the own layer, its revision leaps, or the map is full; nothing changes
+    /// then.
     pub fn join(&mut self, report: &TileReport) -> Result<Joined, Refused> {
         if self.own == Some(report.layer) {
             return Err(Refused::Own);
         }
         let tile = Tile::from_report(report)?;
         let old = self.layers.get(&report.layer).and_then(|layer| layer.tile(report.address)).cloned();
+        check_revision(report, old.as_ref())?;
         if old.as_ref().is_some_and(|old| !tile.replaces(old)) {
             return Ok(Joined::Known);
         }
@@ -111,6 +128,25 @@ impl Merged {
         }
         let newly_occupied = self.put(report.layer, report.address, tile);
         Ok(Joined::Newer { newly_occupied })
+    }
+
+    /// Takes what somebody else says of the own layer: where that would count more than what this node has written, the own
+    /// tile is raised above it, and the others take it again. Returns whether it was.
+    pub fn disown(&mut self, report: &TileReport) -> bool {
+        let (Some(own), Ok(said)) = (self.own, Tile::from_report(report)) else { return false };
+        let held = self.layers.get(&own).and_then(|layer| layer.tile(report.address)).cloned();
+        let is_harmless = held.as_ref().is_some_and(|held| said.revision < held.revision || said == *held);
+        let has_room = held.is_some() || self.tiles < DISOWNS_WITHIN;
+        if own != report.layer || is_harmless || !has_room || check_revision(report, held.as_ref()).is_err() {
+            return false;
+        }
+        if held.is_none() {
+            self.write(own, report.address, &[]);
+        }
+        if let Some(layer) = self.layers.get_mut(&own) {
+            layer.raise(report.address, said.revision.saturating_add(1));
+        }
+        true
     }
 
     /// Puts a tile in place of what was there; tells whether a merged cell became occupied.
@@ -197,10 +233,11 @@ impl Merged {
 
     /// Tells whether a node with this digest holds something that this one does not. A layer has one writer, and
     /// what is known of it only grows: so of two nodes that differ the one with fewer revisions asks, or both
-    /// where these are equal.
+    /// where these are equal. Of its own layer a node asks for what others hold beyond it, to disown that.
     pub fn lacks(&self, theirs: &LayerDigest) -> bool {
         if self.own == Some(theirs.layer) {
-            return false;
+            let ours = self.layers.get(&theirs.layer).map_or(0, |layer| layer.digest(theirs.layer).revisions);
+            return theirs.revisions > ours;
         }
         let Some(ours) = self.layers.get(&theirs.layer).map(|layer| layer.digest(theirs.layer)) else {
             return theirs.tiles > 0;
@@ -223,6 +260,15 @@ impl Merged {
         let newer = held
             .filter(|(address, tile)| known.get(address).is_none_or(|revision| tile.revision > *revision));
         newer.map(|(address, _)| address).collect()
+    }
+}
+
+/// Checks that a revision can be that of the tile that is held.
+fn check_revision(report: &TileReport, held: Option<&Tile>) -> Result<(), Refused> {
+    let (revision, held) = (report.revision, held.map_or(0, |held| held.revision));
+    match revision > ANY_REVISION_UNTIL.max(held.saturating_add(REVISION_STEP)) {
+        true => Err(Refused::Leaps { revision, held }),
+        false => Ok(()),
     }
 }
 
@@ -350,7 +396,9 @@ mod tests {
         let other = joined([tile(1, 2)].iter());
         assert!(one.lacks(&digest(&other)) && other.lacks(&digest(&one)));
         assert!(listener().lacks(&digest(&one)));
-        let writer = Merged::new(Lattice::new(0.2), Some(layer(1, 1)));
+        let mut writer = Merged::new(Lattice::new(0.2), Some(layer(1, 1)));
+        assert!(writer.lacks(&digest(&one)), "what it has not written it asks for, to disown it");
+        (0..2).for_each(|_| assert!(!writer.write(layer(1, 1), TileAddress::default(), &[])));
         assert!(!writer.lacks(&digest(&one)), "nobody but the writer is ahead of it");
         let (fresh, none) = (joined([tile(0, 2), tile(3, 0)].iter()), joined([tile(0, 2)].iter()));
         assert!(none.lacks(&digest(&fresh)) && !fresh.lacks(&digest(&none)), "a tile of revision 0 counts");
@@ -373,6 +421,51 @@ mod tests {
         report.layer = layer(3, 0);
         assert_eq!(map.join(&report), Err(Refused::Full));
         assert_eq!(map.value(0, Cell::new(0, 0)), MERGED_CLAMP);
+    }
+
+    #[test]
+    fn what_others_say_of_the_own_layer_is_disowned_and_everybody_holds_the_own_tile_again() {
+        let own = layer(1, 4);
+        let mut writer = Merged::new(Lattice::new(0.2), Some(own));
+        writer.write(own, TileAddress::default(), &[(7, 0, -9)]);
+        let elsewhere = TileAddress { x: 3, ..TileAddress::default() };
+        for (address, revision) in
+            [(TileAddress::default(), 1), (TileAddress::default(), 900), (elsewhere, ANY_REVISION_UNTIL)]
+        {
+            let mut other = listener();
+            writer.report(own, address).inspect(|report| assert!(other.join(report).is_ok()));
+            let forged = TileReport { layer: own, address, revision, cells: Arc::new([17; TILE_CELLS]) };
+            other.join(&forged).unwrap();
+            assert!(writer.lacks(&digest_of(&other, own)) || revision == 1);
+            assert!(writer.disown(&forged), "{revision}");
+            let put_right = writer.report(own, address).unwrap();
+            assert!(!writer.disown(&put_right), "its own word comes back to it");
+            assert!(matches!(other.join(&put_right), Ok(Joined::Newer { .. })));
+            assert_eq!(other.layer(own).unwrap().tile(address), writer.layer(own).unwrap().tile(address));
+        }
+        assert_eq!(writer.value(0, Cell::new(7, 0)), -9, "and the writer's map is what it was");
+    }
+
+    fn digest_of(map: &Merged, id: LayerId) -> LayerDigest {
+        map.layer(id).unwrap().digest(id)
+    }
+
+    #[test]
+    fn a_revision_that_leaps_is_refused() {
+        let mut map = listener();
+        let mut report = TileReport {
+            layer: layer(1, 1),
+            address: TileAddress::default(),
+            revision: u32::MAX,
+            cells: Arc::new([17; TILE_CELLS]),
+        };
+        assert_eq!(map.join(&report), Err(Refused::Leaps { revision: u32::MAX, held: 0 }));
+        for step in [ANY_REVISION_UNTIL, ANY_REVISION_UNTIL + REVISION_STEP] {
+            report.revision = step;
+            assert!(map.join(&report).is_ok());
+        }
+        report.revision += REVISION_STEP + 1;
+        assert!(matches!(map.join(&report), Err(Refused::Leaps { .. })));
     }
 
     #[test]

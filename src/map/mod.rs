@@ -14,7 +14,7 @@ mod window;
 
 pub use evidence::{Body, Changes, Mapper, PeerBody, ScanReading};
 pub use layer::Layer;
-pub use merged::{Joined, MAX_LAYERS, MAX_TILES, Merged, Refused};
+pub use merged::{ANY_REVISION_UNTIL, Joined, MAX_LAYERS, MAX_TILES, Merged, Refused};
 pub use repair::Repair;
 pub use tile::{
     FREE_TO, LAYER_CLAMP, MERGED_CLAMP, OCCUPIED_FROM, Occupancy, REACH_TILES, Tile, TileError, address_of,

@@ -1,7 +1,7 @@
 //! The map actor: turns scans into evidence in its own layer, joins the peers' layers, and repairs what
 //! the network lost.
 //!
-//! It is told scans, the peers' states, peers' tiles, digests and wants. It says changed tiles
+//! It is told scans, the peers' states, whom the ground expects, peers' tiles, digests and wants. It says changed tiles
 //! (to the mission at once; to the bus newly occupied ones at once, others once a second), digests and wants.
 //! It plans nothing.
 //!
@@ -18,7 +18,7 @@ use super::peers::{Peer, Peers, join_states};
 use super::sensor::Scan;
 use crate::actor::{Actor, Class, Fault, Input};
 use crate::geom::Pose;
-use crate::map::{Body, Changes, Joined, Mapper, Merged, PeerBody, Repair, ScanReading};
+use crate::map::{Body, Changes, Joined, Mapper, Merged, PeerBody, Refused, Repair, ScanReading};
 use crate::time::{Deadline, Time};
 
 /// Changed tiles and the digest are published this often.
@@ -35,6 +35,8 @@ pub enum In {
     Scan(Scan),
     /// Where a peer is.
     Peer(State),
+    /// A ground station expects these vehicles.
+    Expected(Vec<VehicleId>),
     /// A tile of a peer's layer.
     Tile(TileReport),
     /// What another node holds.
@@ -164,6 +166,9 @@ impl Map {
 
     fn tile(&mut self, now: Time, report: TileReport, out: &mut Vec<Out>) {
         let joined = self.merged.join(&report);
+        if joined == Err(Refused::Own) && self.merged.disown(&report) {
+            self.unshared.insert(report.address);
+        }
         self.repair.pass(now, &self.merged, &report);
         match joined {
             Ok(Joined::Newer { .. }) => out.push(Out::Tiles(vec![report])),
@@ -215,6 +220,7 @@ impl Actor for Map {
         match input {
             In::Scan(scan) => self.scan(now, &scan, out),
             In::Peer(state) => self.peers.take(now, &state),
+            In::Expected(vehicles) => self.peers.note_expected(now, &vehicles),
             In::Tile(report) => self.tile(now, report, out),
             In::Digest(digest) => self.repair.hear_digest(now, &self.merged, &digest),
             In::Want(want) => {
@@ -249,6 +255,8 @@ impl Actor for Map {
 pub enum Key {
     /// The state of one peer.
     Peer(VehicleId),
+    /// Whom a ground station expects.
+    Expected,
     /// A tile of a layer.
     Tile(LayerId, TileAddress),
 }
@@ -259,6 +267,7 @@ impl Input for In {
     fn class(&self) -> Class<Key> {
         match self {
             In::Peer(state) => Class::Latest(Key::Peer(state.vehicle)),
+            In::Expected(_) => Class::Latest(Key::Expected),
             In::Tile(report) => Class::Latest(Key::Tile(report.layer, report.address)),
             In::Scan(_) | In::Digest(_) | In::Want(_) => Class::Queue,
         }

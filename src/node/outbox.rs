@@ -7,7 +7,9 @@
 //! stays at the edge and is asked for when there is room.
 //!
 //! Only samples that a store has confirmed *and* whose run is closed are forgotten for good: a ground station
-//! that comes back with another store is sent everything again.
+//! that comes back with another store is sent everything again. Both must stand for some seconds in which the store says
+//! nothing else, and no other store speaks. A watermark that a store does not repeat, and says lower ones instead, was not
+//! its word: what it covers is read from the edge once more.
 //!
 //! Deadline: `flush`.
 
@@ -15,9 +17,10 @@ use std::collections::BTreeMap;
 use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
-use tomoswarm_proto::{Boot, Have, HeardFrom, RunId, Sample, Samples, VehicleId};
+use tomoswarm_proto::{Boot, Have, HeardFrom, RunId, Sample, Samples, VehicleId, WATERMARKS_ALWAYS};
 
 use crate::actor::{Actor, Class, Fault, Input};
+use crate::sweep::VOID_AFTER;
 use crate::time::{Deadline, Time};
 
 /// Samples are sent this often.
@@ -41,6 +44,8 @@ const CAPACITY: usize = 50_000;
 pub const CHUNK: usize = 2048;
 /// What was asked for and did not come for so long is asked for again.
 const RECALL_AFTER: Duration = Duration::from_secs(10);
+/// For so long a store must say that it has samples of a closed run before they are forgotten for good.
+const STANDS_FOR: Duration = Duration::from_secs(10);
 /// The edge is told again to forget while the ground says that a run is closed, this often: it may have been too busy.
 const FORGET_AGAIN: Duration = Duration::from_secs(60);
 
@@ -131,6 +136,15 @@ struct Sent {
     repeats: u8,
 }
 
+/// What a store says that it has.
+#[derive(Clone, Copy, Debug, Serialize, Deserialize)]
+struct Mark {
+    /// Every sequence below.
+    below: u64,
+    /// When that was said: for the last time, or, of a closed run, first.
+    at: Time,
+}
+
 /// A reading of what is kept at the edge, from its beginning to its end.
 #[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
 struct Reading {
@@ -147,8 +161,10 @@ pub struct Outbox {
     sent: BTreeMap<Place, Sent>,
     /// The ground's store and when it was last heard.
     store: Option<(u64, Time)>,
-    /// What that store has: every sequence below.
-    marks: BTreeMap<Source, u64>,
+    /// What that store has.
+    marks: BTreeMap<Source, Mark>,
+    /// What it has of closed runs, since when it says nothing else.
+    closed: BTreeMap<Source, Mark>,
     /// What the edge was told to forget, and when: every sequence below.
     forgotten: BTreeMap<Source, (u64, Time)>,
     /// The sequence that is expected next of each source.
@@ -171,6 +187,7 @@ impl Outbox {
             sent: BTreeMap::new(),
             store: None,
             marks: BTreeMap::new(),
+            closed: BTreeMap::new(),
             forgotten: BTreeMap::new(),
             next: BTreeMap::new(),
             reading: None,
@@ -220,9 +237,14 @@ impl Outbox {
         self.fresh.insert(place, sample);
     }
 
+    /// Gives up to where the ground has the samples of a source.
+    fn below(&self, source: Source) -> Option<u64> {
+        self.marks.get(&source).map(|mark| mark.below)
+    }
+
     /// Tells whether the ground has a sample.
     fn has(&self, place: Place) -> bool {
-        self.marks.get(&(place.boot, place.run)).is_some_and(|below| place.sequence < *below)
+        self.below((place.boot, place.run)).is_some_and(|below| place.sequence < below)
     }
 
     fn recalled(&mut self, chunk: Recalled) {
@@ -246,7 +268,7 @@ impl Outbox {
 
     fn dropped(&mut self, dropped: Dropped) {
         let Dropped { first: Place { boot, run, sequence }, below } = dropped;
-        let from = sequence.max(self.marks.get(&(boot, run)).copied().unwrap_or(0));
+        let from = sequence.max(self.below((boot, run)).unwrap_or(0));
         let end = Place { boot, run, sequence: below };
         let held = if from < below {
             let first = Place { boot, run, sequence: from };
@@ -262,7 +284,7 @@ impl Outbox {
     fn have(&mut self, now: Time, have: &Have, out: &mut Vec<Out>) {
         let is_silent = |at: Time| now.since(at) >= SILENT_AFTER;
         match self.store {
-            Some((store, at)) if store != have.store && !is_silent(at) => return,
+            Some((store, at)) if store != have.store && !is_silent(at) => return self.closed.clear(),
             Some((store, at)) if store == have.store => {
                 if is_silent(at) {
                     self.repeat_all(now);
@@ -272,14 +294,28 @@ impl Outbox {
         }
         self.store = Some((have.store, now));
         let own = self.vehicle;
-        for mark in have.watermarks.iter().filter(|mark| mark.vehicle == own) {
-            self.take_mark(mark);
-            self.forget(now, mark, have, out);
+        let marks = have.watermarks.iter().filter(|mark| mark.vehicle == own).copied();
+        for mark in marks.chain(self.not_named(have)) {
+            self.take_mark(now, &mark);
+            self.forget(now, &mark, have, out);
         }
+    }
+
+    /// Gives the sources of which a store was believed to have something, and which it does not name though it names all.
+    fn not_named(&self, have: &Have) -> Vec<HeardFrom> {
+        let tells_all = have.watermarks.len() < WATERMARKS_ALWAYS;
+        let nothing =
+            |(boot, run): &Source| HeardFrom { vehicle: self.vehicle, boot: *boot, run: *run, below: 0 };
+        let known = self.marks.keys().filter(|_| tells_all).map(nothing);
+        let is_of = |mark: &HeardFrom, other: &HeardFrom| {
+            (mark.vehicle, mark.boot, mark.run) == (other.vehicle, other.boot, other.run)
+        };
+        known.filter(|mark| !have.watermarks.iter().any(|named| is_of(mark, named))).collect()
     }
 
     fn begin_store(&mut self, now: Time) {
         self.marks.clear();
+        self.closed.clear();
         self.repeat_all(now);
         self.reading = Some(Reading::default());
         self.is_behind = false;
@@ -291,26 +327,40 @@ impl Outbox {
         }
     }
 
-    fn take_mark(&mut self, mark: &HeardFrom) {
-        let below = self.marks.entry((mark.boot, mark.run)).or_default();
-        if mark.below <= *below {
-            return;
+    fn take_mark(&mut self, now: Time, mark: &HeardFrom) {
+        let said = Mark { below: mark.below, at: now };
+        let known = self.marks.entry((mark.boot, mark.run)).or_insert(said);
+        if mark.below >= known.below {
+            *known = said;
+            drop_below(&mut self.fresh, mark);
+            drop_below(&mut self.sent, mark);
+        } else if now.since(known.at) >= VOID_AFTER {
+            *known = said;
+            self.reading = Some(Reading::default());
         }
-        *below = mark.below;
-        drop_below(&mut self.fresh, mark);
-        drop_below(&mut self.sent, mark);
     }
 
     /// Lets the edge forget what is confirmed of a closed run, again and again: deleting what is gone costs next to nothing.
     fn forget(&mut self, now: Time, mark: &HeardFrom, have: &Have, out: &mut Vec<Out>) {
         let HeardFrom { vehicle: _, boot, run, below } = *mark;
-        if have.closed.binary_search(&run).is_err() {
+        let source = (boot, run);
+        if have.closed.binary_search(&run).is_err() || Some(below) < self.below(source) {
+            self.closed.remove(&source);
             return;
         }
-        let said = self.forgotten.get(&(boot, run));
-        if said.is_none_or(|(said, at)| *said < below || now.since(*at) >= FORGET_AGAIN) && below > 0 {
-            self.forgotten.insert((boot, run), (below, now));
-            out.push(Out::Forget { boot, run, below });
+        let closed = self.closed.entry(source).or_insert(Mark { below, at: now });
+        if now.since(closed.at) < STANDS_FOR {
+            return;
+        }
+        // What it has more since then has to stand for as long.
+        let settled = closed.below;
+        if below > settled {
+            *closed = Mark { below, at: now };
+        }
+        let said = self.forgotten.get(&source);
+        if said.is_none_or(|(said, at)| *said < settled || now.since(*at) >= FORGET_AGAIN) && settled > 0 {
+            self.forgotten.insert(source, (settled, now));
+            out.push(Out::Forget { boot, run, below: settled });
         }
     }
 
@@ -368,7 +418,7 @@ impl Outbox {
         reading.asked = Some(now);
         // What the ground has need not be read.
         let beyond = |place: Place| match marks.get(&(place.boot, place.run)) {
-            Some(below) => Place { sequence: place.sequence.max(below.saturating_sub(1)), ..place },
+            Some(mark) => Place { sequence: place.sequence.max(mark.below.saturating_sub(1)), ..place },
             None => place,
         };
         out.push(Out::Recall { after: reading.after.map(beyond) });

@@ -3,7 +3,7 @@
 //!
 //! A state tells the way that a vehicle is committed to. A beacon tells its place alone: it counts when no state has
 //! come for a while, and then a vehicle that moves claims some way ahead. Who is heard neither way is *silent*: what was
-//! last known of it stays, an obstacle on its last leg.
+//! last known of it stays, an obstacle on its last leg; unless no ground station expects it.
 
 use std::collections::BTreeMap;
 use std::time::Duration;
@@ -13,9 +13,11 @@ use tomoswarm_proto::{Boot, Mode, State, VehicleId};
 
 use super::radio::Sighting;
 use crate::geom::{Angle, Point, Pose, Vector};
-use crate::sweep::LOWER_BOOT_AFTER;
+use crate::sweep::{LOWER_BOOT_AFTER, LowerNumbers};
 use crate::time::Time;
 
+/// A vehicle that no ground station expects is forgotten when it was not heard for so long.
+const STRANGER_FOR: Duration = Duration::from_secs(60);
 /// A vehicle of which neither state nor beacon was heard for this long is silent.
 pub(super) const SILENT_AFTER: Duration = Duration::from_secs(2);
 /// A vehicle that drove when it was heard last is not waited for any longer than this.
@@ -37,6 +39,8 @@ const RESTS_AFTER: Duration = Duration::from_millis(1500);
 pub(super) struct Peer {
     /// Start of its software, and which of its states this is.
     edition: (Boot, u64),
+    /// Its states that came behind that one since.
+    lower: LowerNumbers,
     /// When a state of it came last.
     state_at: Option<Time>,
     /// From where a motion is told by beacons.
@@ -55,6 +59,8 @@ pub(super) struct Peer {
     pub resting: bool,
     /// When it was last heard to move, or first heard.
     pub moved_at: Time,
+    /// When a ground station said last that it expects it.
+    expected_at: Option<Time>,
 }
 
 impl Peer {
@@ -89,16 +95,18 @@ impl Peers {
         Peers { own, newest: BTreeMap::new() }
     }
 
-    /// Takes a state; the own one, and one older than the newest known, changes nothing.
+    /// Takes a state; the own one changes nothing, nor does one older than the newest known, unless such go on and nothing
+    /// newer comes.
     pub fn take(&mut self, now: Time, state: &State) {
-        let known = self.newest.get(&state.vehicle);
-        let is_late = |known: &Peer| match state.boot == known.edition.0 {
-            true => known.edition.1 >= state.sequence,
+        let is_late = |known: &mut Peer| match state.boot == known.edition.0 {
+            true if state.sequence < known.edition.1 => !known.lower.go_on(now, state.sequence),
+            true => known.edition.1 == state.sequence,
             false => known.has_outlived(now, state.boot),
         };
-        if state.vehicle == self.own || known.is_some_and(is_late) {
+        if state.vehicle == self.own || self.newest.get_mut(&state.vehicle).is_some_and(is_late) {
             return;
         }
+        let known = self.newest.get(&state.vehicle);
         let resting = state.leg.is_none() && !matches!(state.mode, Mode::Driving | Mode::Turning);
         let moved_at = known.filter(|_| resting).map_or(now, |known| known.moved_at);
         let Some(pose) = state.pose.map(Pose::from) else {
@@ -107,6 +115,7 @@ impl Peers {
         let leg = state.leg.iter().flat_map(|leg| leg.route.iter().map(|corner| Point::from(*corner)));
         let peer = Peer {
             edition: edition(state),
+            lower: LowerNumbers::default(),
             state_at: Some(now),
             anchor: pose,
             heard_at: now,
@@ -116,6 +125,7 @@ impl Peers {
             claim: std::iter::once(pose.at).chain(leg).collect(),
             resting,
             moved_at,
+            expected_at: known.and_then(|known| known.expected_at),
         };
         self.newest.insert(state.vehicle, peer);
     }
@@ -124,6 +134,7 @@ impl Peers {
     fn take_without_place(&mut self, now: Time, state: &State, resting: bool) {
         let Some(peer) = self.newest.get_mut(&state.vehicle) else { return };
         (peer.edition, peer.state_at, peer.heard_at) = (edition(state), Some(now), now);
+        peer.lower = LowerNumbers::default();
         peer.resting = resting;
         if !resting {
             peer.moved_at = now;
@@ -141,6 +152,7 @@ impl Peers {
         };
         let unknown = Peer {
             edition: (boot, 0),
+            lower: LowerNumbers::default(),
             state_at: None,
             anchor: pose,
             heard_at: now,
@@ -150,6 +162,7 @@ impl Peers {
             claim: vec![pose.at],
             resting: false,
             moved_at: now,
+            expected_at: self.newest.get(&vehicle).and_then(|known| known.expected_at),
         };
         let peer = self.newest.entry(vehicle).or_insert_with(|| unknown.clone());
         if peer.has_outlived(now, boot) {
@@ -170,6 +183,18 @@ impl Peers {
         if let Some(peer) = known {
             peer.heard_at = now;
         }
+    }
+
+    /// Takes whom a ground station expects. A vehicle of the swarm that has fallen silent stays where it was last known to
+    /// be, for ever; one that is none and is not heard any more was perhaps never there: it is forgotten.
+    pub fn note_expected(&mut self, now: Time, expected: &[VehicleId]) {
+        for vehicle in expected {
+            if let Some(peer) = self.newest.get_mut(vehicle) {
+                peer.expected_at = Some(now);
+            }
+        }
+        let is_recent = |at: Time| now.since(at) <= STRANGER_FOR;
+        self.newest.retain(|_, peer| is_recent(peer.heard_at) || peer.expected_at.is_some_and(is_recent));
     }
 
     /// Gives the others, ascending.
@@ -302,6 +327,44 @@ mod tests {
             let peer = peers.get(VehicleId(2)).unwrap();
             assert_eq!((peer.at.x_m, peer.heard_at), (2.0, at(31.5)));
         }
+    }
+
+    #[test]
+    fn a_state_that_a_peer_did_not_say_is_forgotten_when_its_own_go_on() {
+        let mut peers = Peers::new(VehicleId(1));
+        let state_of = |sequence: u64, x_m: f64| State { sequence, ..state(2, x_m, 0.0) };
+        peers.take(at(0.0), &state_of(100, 1.0));
+        peers.take(at(0.1), &state_of(u64::MAX, 9.0));
+        for turn in 1..=50_u32 {
+            let at = at(0.2 * f64::from(turn));
+            peers.take(at, &state_of(100 + u64::from(turn), 1.0));
+            peers.sight(at, &sighting(1, 1.0));
+        }
+        assert_eq!(peers.get(VehicleId(2)).unwrap().edition.1, u64::MAX, "a few may be late");
+        peers.take(at(10.2), &state_of(151, 2.0));
+        assert_eq!(peers.get(VehicleId(2)).unwrap().at.x_m, 2.0);
+        peers.take(at(10.3), &state_of(120, 1.0));
+        assert_eq!(peers.get(VehicleId(2)).unwrap().at.x_m, 2.0);
+    }
+
+    #[test]
+    fn a_silent_vehicle_stays_an_obstacle_unless_no_ground_station_expects_it() {
+        let mut peers = Peers::new(VehicleId(1));
+        for vehicle in [2, 3, 4] {
+            peers.take(at(0.0), &state(vehicle, f64::from(vehicle), 0.0));
+        }
+        let known = |peers: &Peers| peers.iter().map(|(id, _)| id.0).collect::<Vec<_>>();
+        for second in 0..200_u32 {
+            let now = at(f64::from(second));
+            peers.take(now, &State { sequence: u64::from(second) + 2, ..state(4, 4.0, 0.0) });
+            peers.note_expected(now, &[VehicleId(1), VehicleId(2)]);
+            let expected = if second <= 60 { &[2, 3, 4][..] } else { &[2, 4] };
+            assert_eq!(known(&peers), expected, "{second} s");
+        }
+        peers.note_expected(at(230.0), &[]);
+        assert_eq!(known(&peers), [2, 4], "of several ground stations one may expect it");
+        peers.note_expected(at(260.1), &[]);
+        assert_eq!(peers.iter().count(), 0);
     }
 
     #[test]

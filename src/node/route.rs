@@ -235,6 +235,9 @@ fn route_message(sender: Sender, message: Message, to: &mut Vec<Destination>) {
         }
         Message::Report(report) => {
             to.push(Destination::Stops(stops::In::Lease(report.lease)));
+            to.push(Destination::Vehicle(vehicle::In::Expected(report.expected.clone())));
+            to.push(Destination::Map(map::In::Expected(report.expected.clone())));
+            to.push(Destination::Mission(mission::In::Expected(report.expected)));
         }
         Message::Have(have) => to.push(Destination::Outbox(outbox::In::Have(have))),
         Message::Task(task) => to.push(Destination::Mission(mission::In::Task(task))),

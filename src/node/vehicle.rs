@@ -118,6 +118,8 @@ pub enum In {
     Peer(State),
     /// What a beacon tells of another vehicle.
     Sighted(Sighting),
+    /// A ground station expects these vehicles.
+    Expected(Vec<VehicleId>),
     /// The mission follows this plan now.
     Accepted(RunId, Revision),
     /// How it stands with what was to be remembered.
@@ -358,6 +360,7 @@ impl Actor for Vehicle {
                 self.peers.sight(now, &sighting);
                 self.yield_to(now, sighting.progress.vehicle, out);
             }
+            In::Expected(vehicles) => self.peers.note_expected(now, &vehicles),
             In::Accepted(run, revision) => self.reports.note_accepted(run, revision),
             In::Remembered(remembered) => {
                 self.orders.remembered(remembered);
@@ -393,6 +396,8 @@ pub enum Key {
     Peer(VehicleId),
     /// The beacon of one peer.
     Sighted(VehicleId),
+    /// Whom a ground station expects.
+    Expected,
     /// The accepted plan.
     Accepted,
     /// Whether the mission holds.
@@ -415,6 +420,7 @@ impl Input for In {
             In::Stops(_) | In::Told(_) => Class::Queue,
             In::Peer(state) => Class::Latest(Key::Peer(state.vehicle)),
             In::Sighted(sighting) => Class::Latest(Key::Sighted(sighting.progress.vehicle)),
+            In::Expected(_) => Class::Latest(Key::Expected),
             In::Accepted(..) => Class::Latest(Key::Accepted),
             In::Remembered(_) => Class::Latest(Key::Remembered),
         }

@@ -526,7 +526,11 @@ impl Shared {
             }
         };
         lock(&self.hearing).hear(now, sender);
-        let Reception { heard, verdict, reply } = lock(&self.exchange).accept(now, bytes.len(), heard);
+        let reception = lock(&self.exchange).accept(now, bytes.len(), heard);
+        let Reception { heard, verdict, reply } = match reception {
+            Ok(reception) => reception,
+            Err(refusal) => return self.refuse(Some(sender), key, &refusal),
+        };
         (self.subscriber)(heard, verdict);
         reply.into_iter().for_each(|frame| self.send(frame));
     }

@@ -24,7 +24,8 @@
 //! 4. Plans of a revision may come in any order, doubled, with some lost and repeated later. Only the
 //!    newest revision heard of is collected; from then on no leg is entered under the old one, also
 //!    when the new one never becomes complete or does not fit (`start` is elsewhere): the vehicle
-//!    rests, and the ground can plan from where it rests.
+//!    rests, and the ground can plan from where it rests. It is void, as if nobody had given it, when a plan of a greater
+//!    right comes, or when nobody gives it any more (that is for the caller to see).
 //! 5. Several legs may be entered ahead to drive through stops; all entered legs count as begun.
 //! 6. What a vehicle has done before a restart stays done, and where it has stopped it stands: such facts are kept.
 //!    Whether it is at rest, and at which revision, is what its latest start says; what an earlier one said of that is
@@ -44,7 +45,9 @@ use std::time::Duration;
 use serde::{Deserialize, Serialize};
 use tomoswarm_proto::{Boot, Plan, Revision, RunId, Stop, StopId, VehicleId};
 
-use super::{FollowError, LOWER_BOOT_AFTER, Refusal, VehicleProgress, Verdict, WaitsFor, validate};
+use super::{
+    FollowError, LOWER_BOOT_AFTER, Refusal, VOID_AFTER, VehicleProgress, Verdict, WaitsFor, validate,
+};
 use crate::geom::Point;
 use crate::time::{Deadline, Time};
 
@@ -63,6 +66,8 @@ struct Peer {
     at_rest: bool,
     /// When this start of it was heard last.
     heard_at: Time,
+    /// When it was heard to be there, at this revision, last.
+    newest_at: Time,
 }
 
 /// What is known of a member in the revision followed; only ever grows.
@@ -119,23 +124,32 @@ impl Follower {
     /// Takes a plan heard, own or a peer's; plans may come in any order and any number of times.
     pub fn offer(&mut self, plan: &Plan) -> Verdict {
         let edition = edition_of(plan);
+        // What a lower right has given and nobody here follows yet is void, whatever its revision. Two grounds may also give
+        // one edition to different plans: those of the higher right are kept, never mixed.
+        let lease = self.pending.values().next().map(|pending| pending.lease);
+        if lease.is_some_and(|lease| lease < plan.lease) {
+            self.give_up_pending();
+        }
         let newest = self.pending_edition().or(self.adopted_edition());
         let known = self.adopted_edition().is_some_and(|adopted| adopted >= edition);
         if known || newest.is_some_and(|newest| newest > edition) {
             return Verdict::Old;
         }
-        // Two grounds may give one edition to different plans: those of the higher right are kept, never mixed.
-        let lease =
-            self.pending.values().next().map(|pending| pending.lease).filter(|_| newest == Some(edition));
-        if lease.is_some_and(|lease| lease > plan.lease) {
+        if newest == Some(edition) && lease.is_some_and(|lease| lease > plan.lease) {
             return Verdict::Old;
         }
-        if newest != Some(edition) || lease.is_some_and(|lease| lease < plan.lease) {
-            self.pending.clear();
-            self.refusal = None;
+        if newest != Some(edition) {
+            self.give_up_pending();
         }
         self.pending.entry(plan.vehicle).or_insert_with(|| plan.clone());
         self.try_adopting()
+    }
+
+    /// Forgets a newer revision that is not adopted, as if it had not been heard: what is followed goes on. That is safe,
+    /// since nobody was told that it is followed.
+    pub fn give_up_pending(&mut self) {
+        self.pending.clear();
+        self.refusal = None;
     }
 
     /// Takes a peer's progress, from the bus or by radio; late and repeated ones do no harm.
@@ -167,10 +181,13 @@ impl Follower {
 
     fn note_peer(&mut self, now: Time, progress: &VehicleProgress) {
         let newest = (progress.run, progress.revision);
-        let heard = Peer { boot: progress.boot, newest, at_rest: progress.leg.is_none(), heard_at: now };
+        let (boot, at_rest) = (progress.boot, progress.leg.is_none());
+        let heard = Peer { boot, newest, at_rest, heard_at: now, newest_at: now };
         let peer = self.peers.entry(progress.vehicle).or_insert(heard);
         let begins_anew = heard.boot != peer.boot && now.since(peer.heard_at) > LOWER_BOOT_AFTER;
-        if begins_anew || (heard.boot, heard.newest) >= (peer.boot, peer.newest) {
+        // A revision that it never says again is none that it follows.
+        let is_void = heard.boot == peer.boot && now.since(peer.newest_at) > VOID_AFTER;
+        if begins_anew || is_void || (heard.boot, heard.newest) >= (peer.boot, peer.newest) {
             *peer = heard;
         } else if heard.boot == peer.boot {
             peer.heard_at = now;
@@ -354,7 +371,8 @@ impl Follower {
         self.plan().map(edition_of)
     }
 
-    fn pending_edition(&self) -> Option<Edition> {
+    /// Gives run and revision of the plans that are being collected, newer than those followed.
+    pub fn pending_edition(&self) -> Option<(RunId, Revision)> {
         self.pending.values().next().map(edition_of)
     }
 

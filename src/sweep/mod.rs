@@ -10,6 +10,7 @@ mod approach;
 mod error;
 mod fan;
 mod follower;
+mod lower_numbers;
 mod objective;
 mod pareto;
 mod pattern;
@@ -29,6 +30,7 @@ mod verdict;
 pub use error::{PlanError, SweepError};
 pub use fan::{FanRequest, fan};
 pub use follower::Follower;
+pub use lower_numbers::LowerNumbers;
 pub use objective::LinkSetQuality;
 pub use pareto::{dominates, hypervolume_contributions, non_dominated_layers};
 pub use pattern::{
@@ -49,3 +51,7 @@ pub use verdict::{FollowError, Refusal, Verdict, WaitsFor};
 /// the beginning. Nothing that an earlier start has said is under way for so long, so nothing old is taken for new; and a
 /// rover with a new disk is not waited for any longer than this, by anyone who hears it.
 pub const LOWER_BOOT_AFTER: std::time::Duration = std::time::Duration::from_secs(30);
+
+/// A number that its sender does not say again for so long, while it says lower ones, was not its word: somebody else has
+/// said it in its name.
+pub const VOID_AFTER: std::time::Duration = std::time::Duration::from_secs(10);

@@ -27,7 +27,7 @@ pub use plan::{
     Mission, MissionEnd, MissionKind, MissionPhase, MissionRefusal, Plan, Progress, SeenState, Stop,
 };
 pub use report::{Report, RunEnd, RunReport, StationPhase};
-pub use samples::{Have, HeardFrom, LostSamples, Sample, Samples};
+pub use samples::{Have, HeardFrom, LostSamples, Sample, Samples, WATERMARKS_ALWAYS};
 pub use state::{Control, LegReport, Mode, Ordered, StandReason, State};
 
 use crate::{Kind, Sender};

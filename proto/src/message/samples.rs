@@ -49,6 +49,9 @@ pub struct Samples {
     pub lost: Vec<LostSamples>,
 }
 
+/// So many watermarks, of its newest sources, a store says every time; who hears fewer has heard all.
+pub const WATERMARKS_ALWAYS: usize = 1024;
+
 /// How many samples of a vehicle a store has without a gap.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize)]
 pub struct HeardFrom {

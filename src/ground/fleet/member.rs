@@ -6,7 +6,7 @@ use tomoswarm_proto::{Boot, Lease, Mission, Order, RunId, SeenState, StandReason
 
 use super::dealings::Dealings;
 use crate::geom::Point;
-use crate::sweep::{LOWER_BOOT_AFTER, VehicleProgress};
+use crate::sweep::{LOWER_BOOT_AFTER, LowerNumbers, VOID_AFTER, VehicleProgress};
 use crate::time::Time;
 
 /// One vehicle as the ground sees it.
@@ -14,7 +14,11 @@ use crate::time::Time;
 pub struct Member {
     /// Its newest state, and when it came.
     state: Option<(Time, State)>,
+    /// States that came behind the newest one since.
+    lower: LowerNumbers,
     progress: Option<VehicleProgress>,
+    /// When that, or a later one, was said last.
+    progress_at: Option<Time>,
     mission: Option<Mission>,
     heard_at: Option<Time>,
     dealings: Dealings,
@@ -84,15 +88,22 @@ impl Member {
         self.dealings.boot().is_none_or(|known| known <= boot)
     }
 
-    /// Takes a state, from a station that orders by `lease`; an older one changes nothing, and one of an earlier start only
-    /// after a long silence.
+    /// Takes a state, from a station that orders by `lease`; an older one changes nothing, unless older ones go on and nothing
+    /// newer comes, and one of an earlier start only after a long silence.
     pub fn hear_state(&mut self, now: Time, state: State, lease: Lease) -> Shown {
         let key = |state: &State| (state.boot, state.sequence);
-        let is_old =
-            self.state().is_some_and(|known| key(&state) <= key(known)) || !self.is_current(state.boot);
-        if is_old && !self.counts_anew(now, state.boot) {
+        let is_believed = match self.state().map(key) {
+            _ if !self.is_current(state.boot) => self.counts_anew(now, state.boot),
+            Some((boot, sequence)) if boot == state.boot && state.sequence < sequence => {
+                self.lower.go_on(now, state.sequence)
+            }
+            Some(known) => known < key(&state),
+            None => true,
+        };
+        if !is_believed {
             return Shown::default();
         }
+        self.lower = LowerNumbers::default();
         let restarted = self.dealings.hear(state.boot);
         self.heard_at = Some(now);
         let found = self.dealings.find();
@@ -106,16 +117,18 @@ impl Member {
         Shown { restarted, found, got_on: false, started }
     }
 
-    /// Takes a progress; one of an older start of the software, or a lower revision of the same run, changes nothing.
-    pub fn hear_progress(&mut self, progress: VehicleProgress) -> Shown {
+    /// Takes a progress; one of an older start of the software changes nothing, nor does one behind what was said not long
+    /// ago.
+    pub fn hear_progress(&mut self, now: Time, progress: VehicleProgress) -> Shown {
         if !self.is_current(progress.boot) {
             return Shown::default();
         }
         let restarted = self.dealings.hear(progress.boot);
         let key = |progress: &VehicleProgress| (progress.run, progress.revision, progress.done);
         let before = self.progress.as_ref().map(key);
-        if before <= Some(key(&progress)) {
-            self.progress = Some(progress);
+        let is_void = self.progress_at.is_none_or(|at| now.since(at) > VOID_AFTER);
+        if before <= Some(key(&progress)) || is_void {
+            (self.progress, self.progress_at) = (Some(progress), Some(now));
         }
         Shown { restarted, got_on: before < Some(key(&progress)), ..Shown::default() }
     }
@@ -224,9 +237,9 @@ mod tests {
         let mut member = Member::default();
         assert!(!hear(&mut member, 0, 1, 100).restarted);
         assert!(hear(&mut member, 0, 2, 1).restarted);
-        assert_eq!(member.hear_progress(progress(1)), Shown::default());
-        assert!(member.hear_progress(progress(2)).got_on);
-        assert!(member.hear_progress(progress(3)).restarted);
+        assert_eq!(member.hear_progress(Time::ZERO, progress(1)), Shown::default());
+        assert!(member.hear_progress(Time::ZERO, progress(2)).got_on);
+        assert!(member.hear_progress(Time::ZERO, progress(3)).restarted);
         let mission = |boot| Mission { vehicle: VehicleId(1), boot: Boot(boot), ..Mission::default() };
         member.hear_mission(&mission(2));
         assert_eq!(member.mission(), None);
@@ -241,7 +254,7 @@ mod tests {
         assert_eq!(hear(&mut member, 30, 1, 7), Shown::default(), "30 s are not long enough");
         assert!(!member.is_current(Boot(1)));
         assert!(hear(&mut member, 31, 1, 8).restarted);
-        assert!(member.is_current(Boot(1)) && member.hear_progress(progress(1)).got_on);
+        assert!(member.is_current(Boot(1)) && member.hear_progress(Time::ZERO, progress(1)).got_on);
         assert!(!hear(&mut member, 32, 1, 9).restarted, "it is heard by its own count now");
     }
 
@@ -250,7 +263,7 @@ mod tests {
         let mut member = Member::default();
         hear(&mut member, 0, 1, 5);
         member.dealings_mut().lose();
-        assert!(!hear(&mut member, 1, 1, 5).found && !member.hear_progress(progress(1)).found);
+        assert!(!hear(&mut member, 1, 1, 5).found && !member.hear_progress(Time::ZERO, progress(1)).found);
         assert!(hear(&mut member, 1, 1, 6).found && !member.dealings().is_lost());
     }
 }

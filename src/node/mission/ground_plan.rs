@@ -15,6 +15,7 @@ use crate::geom::{Point, Polygon};
 use crate::node::Settings;
 use crate::sweep::{Follower, VehicleProgress, Verdict, WaitsFor};
 use crate::time::{Deadline, Time};
+use std::time::Duration;
 
 /// Legs are entered ahead until the way is this long, metres, so that stops are driven through.
 const ENTER_AHEAD_M: f64 = 3.0;
@@ -28,6 +29,9 @@ const LAST_STOPS: usize = 4;
 const SKIPS_MAX: u32 = 16;
 /// So many stops behind those entered are tried before one is given up.
 const LOOK_STOPS: usize = 8;
+/// A revision that was not heard for so long while an earlier one is given is nobody's: a ground station says its newest
+/// one alone, and no plan is that long on its way.
+const VOID_AFTER: Duration = Duration::from_secs(15);
 
 /// The plan that a vehicle follows, or may follow.
 #[derive(Debug, Serialize, Deserialize)]
@@ -43,6 +47,8 @@ pub(super) struct GroundPlan {
     has_said_end: bool,
     /// The plan last not taken, since it is old or leads out of the fence.
     not_taken: Option<(RunId, Revision)>,
+    /// When a plan of the revision that is not adopted yet was heard last.
+    pending_at: Time,
     /// Stops given up since one was reached.
     skips: u32,
     said: VehicleProgress,
@@ -70,6 +76,7 @@ impl GroundPlan {
             has_left: false,
             has_said_end: false,
             not_taken: None,
+            pending_at: Time::ZERO,
             skips: 0,
             said: VehicleProgress {
                 vehicle: settings.vehicle,
@@ -169,8 +176,18 @@ impl GroundPlan {
     }
 
     /// Takes a plan, own or a peer's; returns why the revision does not fit, when that is news.
-    pub fn offer(&mut self, plan: &Plan) -> Option<Remark> {
+    pub fn offer(&mut self, now: Time, plan: &Plan) -> Option<Remark> {
         let follower = self.follower.as_mut()?;
+        let edition = (plan.run, plan.revision);
+        match follower.pending_edition() {
+            Some(pending) if edition < pending => {
+                if now.since(self.pending_at) >= VOID_AFTER {
+                    follower.give_up_pending();
+                    self.pending_at = now;
+                }
+            }
+            Some(_) | None => self.pending_at = now,
+        }
         let before = follower.refusal().cloned();
         match follower.offer(plan) {
             Verdict::Refused(refusal) => {

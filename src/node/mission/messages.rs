@@ -34,6 +34,8 @@ pub enum In {
     Progress(VehicleProgress),
     /// What a peer's beacon tells.
     Sighted(Sighting),
+    /// A ground station expects these vehicles.
+    Expected(Vec<VehicleId>),
     /// Some node was heard on the bus, whatever it said.
     Heard(Sender),
     /// An order that the vehicle has accepted.
@@ -167,6 +169,8 @@ pub enum Key {
     Progress(VehicleId),
     /// The beacon of one peer.
     Sighted(VehicleId),
+    /// Whom a ground station expects.
+    Expected,
     /// That one node was heard.
     Heard(Sender),
     /// Accepted orders join by strength.
@@ -187,6 +191,7 @@ impl Input for In {
             In::Tile(tile) => Class::Latest(Key::Tile(tile.layer, tile.address)),
             In::Progress(progress) => Class::Latest(Key::Progress(progress.vehicle)),
             In::Sighted(sighting) => Class::Latest(Key::Sighted(sighting.progress.vehicle)),
+            In::Expected(_) => Class::Latest(Key::Expected),
             In::Heard(by) => Class::Latest(Key::Heard(*by)),
             In::Order(_) => Class::Latest(Key::Order),
             In::Remembered(_) => Class::Latest(Key::Remembered),

@@ -246,7 +246,7 @@ impl Mission {
             return out.extend(self.leases.wait_with(plan).map(Out::Remember));
         }
         self.resume_for(now, plan, out);
-        out.extend(self.plan.offer(plan).map(Out::Remark));
+        out.extend(self.plan.offer(now, plan).map(Out::Remark));
         self.report(out);
     }
 
@@ -271,6 +271,12 @@ impl Mission {
         }
         out.push(Out::Accepted(progress.run, progress.revision));
         out.push(Out::Remark(Remark::Adopted(progress.run, progress.revision)));
+    }
+
+    /// Whoever is forgotten is neither silent nor heard again.
+    fn forget_strangers(&mut self, now: Time, expected: &[VehicleId]) {
+        self.peers.note_expected(now, expected);
+        self.silent.retain(|vehicle| self.peers.get(*vehicle).is_some());
     }
 
     fn hear(&mut self, now: Time, progress: &VehicleProgress, out: &mut Vec<Out>) {
@@ -448,6 +454,7 @@ impl Actor for Mission {
                 self.links.heard_radio(now);
                 self.hear(now, &sighting.progress, out);
             }
+            In::Expected(vehicles) => self.forget_strangers(now, &vehicles),
             In::Heard(by) => self.links.heard_bus(now, self.settings.vehicle, by),
             In::Order(order) => self.order(now, order, out),
             In::Stops(open) => self.emergency(now, &open, out),

@@ -205,19 +205,64 @@ fn after_a_restart_samples_of_earlier_boots_are_sent_under_their_boots() {
 #[test]
 fn only_confirmed_samples_of_closed_runs_are_forgotten_and_that_is_said_rarely() {
     let mut rig = Rig::new();
+    let say_at = |rig: &mut Rig, at_s: f64, closed: &[u32]| {
+        rig.now = Time::from_secs_f64(at_s);
+        rig.tell(have(1, &[(1, 1, 8)], closed));
+        rig.forgets.len()
+    };
     rig.keep(0..10);
-    rig.tell(have(1, &[(1, 1, 10)], &[]));
-    assert!(rig.forgets.is_empty() && rig.disk.len() == 10);
-    rig.tell(have(1, &[(1, 1, 8)], &[1]));
-    rig.tell(have(1, &[(1, 1, 8)], &[1]));
-    assert_eq!(rig.forgets, [(1, 1, 8)]);
-    assert_eq!(rig.disk.len(), 2);
-    rig.now = Time::from_secs_f64(59.0);
-    rig.tell(have(1, &[(1, 1, 8)], &[1]));
-    assert_eq!(rig.forgets.len(), 1);
-    rig.now = Time::from_secs_f64(61.0);
-    rig.tell(have(1, &[(1, 1, 8)], &[1]));
-    assert_eq!(rig.forgets, [(1, 1, 8); 2], "the edge may have been too busy");
+    assert_eq!(say_at(&mut rig, 0.0, &[]), 0);
+    assert_eq!(rig.disk.len(), 10);
+    for (at_s, expected) in [(1.0, 0), (10.9, 0), (11.0, 1), (12.0, 1), (70.9, 1)] {
+        assert_eq!(say_at(&mut rig, at_s, &[1]), expected, "{at_s} s");
+    }
+    assert_eq!((rig.disk.len(), &rig.forgets[..]), (2, &[(1, 1, 8)][..]));
+    assert_eq!(say_at(&mut rig, 71.0, &[1]), 2, "the edge may have been too busy");
+}
+
+#[test]
+fn nothing_is_forgotten_that_the_store_itself_does_not_go_on_confirming() {
+    for contradicts in [have(1, &[(1, 1, 3)], &[]), have(1, &[(1, 1, 10)], &[]), have(2, &[], &[])] {
+        let mut rig = Rig::new();
+        rig.keep(0..10);
+        for second in 0..60 {
+            rig.now = Time::from_secs_f64(f64::from(second));
+            rig.tell(have(1, &[(1, 1, u64::MAX)], &[1]));
+            rig.tell(contradicts.clone());
+        }
+        assert_eq!((rig.forgets.len(), rig.disk.len()), (0, 10), "{contradicts:?}");
+    }
+}
+
+#[test]
+fn what_a_store_does_not_say_again_was_never_stored_and_is_sent() {
+    let mut rig = Rig::new();
+    rig.keep(0..10);
+    rig.tell(have(1, &[(1, 1, 4)], &[]));
+    rig.tell(have(1, &[(1, 1, u64::MAX)], &[]));
+    assert!(rig.sent(3).is_empty());
+    rig.keep(10..20);
+    rig.now = Time::from_secs_f64(9.9);
+    rig.tell(have(1, &[(1, 1, 4)], &[]));
+    assert!(rig.sent(1).is_empty(), "a watermark may come late");
+    rig.now = Time::from_secs_f64(10.0);
+    rig.tell(have(1, &[(1, 1, 4)], &[]));
+    let sent: BTreeSet<u64> = rig.sent(3).into_iter().collect();
+    assert_eq!(sent, (4..20).collect());
+}
+
+#[test]
+fn a_source_that_a_store_does_not_name_at_all_is_not_stored() {
+    let mut rig = Rig::new();
+    rig.tell(have(1, &[(1, 1, u64::MAX)], &[]));
+    rig.keep(0..10);
+    for second in 1..=10_u32 {
+        assert!(rig.sent(1).is_empty(), "{second} s");
+        rig.now = Time::from_secs_f64(f64::from(second));
+        rig.tell(have(1, &[], &[]));
+    }
+    let sent: BTreeSet<u64> = rig.sent(3).into_iter().collect();
+    assert_eq!(sent, (0..10).collect());
 }
 
 #[test]

@@ -9,6 +9,7 @@ use tomoswarm_proto::{Boot, LayerId, Plan, Revision, RunId, Samples, TileAddress
 
 use super::super::mailbox::{Troubles, lock};
 use crate::ground::imager::{Picture, Subject};
+use crate::map::ANY_REVISION_UNTIL;
 use crate::store::StoreError;
 use crate::store::ground::{GroundStore, UtcOffset};
 
@@ -95,7 +96,11 @@ impl Archive {
         cut(&mut waiting.runs, RUNS_MOST);
     }
 
+    /// One whose revision is beyond all that is usual is left to the map to judge: here it would stay for ever.
     pub(super) fn hold_tile(&self, tile: TileReport) {
+        if tile.revision > ANY_REVISION_UNTIL {
+            return;
+        }
         let mut waiting = lock(&self.waiting);
         let key = (tile.layer, tile.address);
         if waiting.tiles.get(&key).is_none_or(|known| known.revision <= tile.revision) {

@@ -115,8 +115,8 @@ impl Kernel {
         let exchange = self.exchanges[index].exchange.as_mut()?;
         let (now, sender) = (self.now, frame.sender());
         let heard = exchange.admit(now, sender, frame.bytes()).and_then(|()| frame.read().clone());
-        let reception = match heard {
-            Ok(heard) => exchange.accept(now, frame.bytes(), heard),
+        let reception = match heard.and_then(|heard| exchange.accept(now, frame.bytes(), heard)) {
+            Ok(reception) => reception,
             Err(refusal) => {
                 if let Some(count) = exchange.refuse(Some(sender), &refusal) {
                     let what = refusal.what();

@@ -1,6 +1,7 @@
 //! What the kernel makes of what happens in the environment, in one small place: vehicle 1 faces a wall 1.5 m ahead,
 //! vehicle 2 has free space ahead. Nobody sees anything, and nobody is ordered to move: the tests drive.
 
+mod forging;
 mod joining;
 
 use std::collections::BTreeSet;

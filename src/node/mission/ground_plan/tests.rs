@@ -32,7 +32,7 @@ fn followed(stops: u32) -> GroundPlan {
     let mut plan = GroundPlan::new(&settings(1));
     assert!(plan.begin_at(Point::default()) && !plan.begin_at(Point::new(1.0, 0.0)));
     for plan_heard in [edition(1, 0), edition(2, stops)] {
-        assert_eq!(plan.offer(&plan_heard), None);
+        assert_eq!(plan.offer(Time::ZERO, &plan_heard), None);
     }
     let news = plan.news();
     assert!(news.is_adopted && news.progress.is_some_and(|progress| progress.revision == Revision(2)));
@@ -71,7 +71,7 @@ fn a_plan_that_was_left_is_left_until_a_newer_one_is_adopted() {
     plan.rest_at(Point::default());
     assert!(plan.has_left() && !plan.is_newer(&edition(2, 2)));
     assert!(plan.is_newer(&edition(3, 0)));
-    plan.offer(&edition(3, 0));
+    plan.offer(Time::ZERO, &edition(3, 0));
     assert!(plan.news().is_adopted && !plan.has_left());
 }
 
