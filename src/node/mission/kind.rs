@@ -145,7 +145,7 @@ impl Kind {
     /// Makes the mission of a task; `None` when the ground station plans.
     pub fn of(settings: &Settings) -> Option<Kind> {
         Some(match &settings.task {
-            Task::Plan => return None,
+            Task::Sweep => return None,
             Task::Legs(places) => Kind::Straight(Straight::along(places)),
             Task::Forward(distance_m) => Kind::Straight(Straight::ahead(*distance_m)),
             Task::Browse => Kind::Browse(Browse::default()),
