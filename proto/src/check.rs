@@ -5,11 +5,11 @@ use crate::{
     AutopilotHealth, BEACON_MEMBERS_MAX, Beacon, EmergencyName, EmergencyStop, Find, Have, Heading, Health,
     Hello, IMAGE_PART_PIXELS, IMAGE_SIDE_MAX, Image, LostSamples, Message, Mission, MissionEnd, Order,
     OrderKind, Permille, Plan, PoseReport, Position, Progress, Report, RunReport, Sample, Samples, Standing,
-    State, Stop, Task, TaskKind, Tilt, VehicleId, Velocity,
+    State, Stop, Task, Tilt, VehicleId, Velocity,
 };
 
 /// A coordinate is at most so far from the datum, millimetres.
-const COORDINATE_MAX_MM: i32 = 1_000_000_000;
+pub(crate) const COORDINATE_MAX_MM: i32 = 1_000_000_000;
 /// A component of a velocity is at most this, mm/s.
 const VELOCITY_MAX_MMPS: i32 = 1_000_000;
 /// Layers of a digest at most; one a start of a vehicle's software.
@@ -26,8 +26,6 @@ const CAPABILITIES_MAX: usize = 32;
 const STOPS_MAX: usize = 4096;
 /// Corners of a route, or partners or stops waited for, or runs closed, at most.
 const LIST_MAX: usize = 1024;
-/// Places of a task at most.
-const PLACES_MAX: usize = 1000;
 /// Samples of a message at most.
 const SAMPLES_MAX: usize = 1024;
 /// Ranges of lost samples at most.
@@ -46,7 +44,8 @@ const RUNS_MAX: usize = 16;
 /// Finds of an image at most.
 const FINDS_MAX: usize = 32;
 
-type Verdict = Result<(), &'static str>;
+/// Why something is impossible, if it is.
+pub(crate) type Verdict = Result<(), &'static str>;
 
 impl Message {
     /// Names what makes a message impossible; `Ok` when it may be handed to an actor.
@@ -77,7 +76,7 @@ impl Message {
     }
 }
 
-fn require(holds: bool, expected: &'static str) -> Verdict {
+pub(crate) fn require(holds: bool, expected: &'static str) -> Verdict {
     if holds { Ok(()) } else { Err(expected) }
 }
 
@@ -120,7 +119,7 @@ fn names(names: &[EmergencyName], most: usize) -> Verdict {
 }
 
 impl Position {
-    fn check(&self) -> Verdict {
+    pub(crate) fn check(&self) -> Verdict {
         let is_near = |coordinate_mm: i32| coordinate_mm.unsigned_abs() < COORDINATE_MAX_MM.unsigned_abs();
         require(
             [self.x_mm, self.y_mm, self.z_mm].into_iter().all(is_near),
@@ -268,24 +267,6 @@ impl Task {
         self.compare_with.iter().try_for_each(|run| number(run.0))?;
         require(self.compare_with != Some(self.run), "a run is compared with another one")?;
         self.kind.check()
-    }
-}
-
-impl TaskKind {
-    fn check(&self) -> Verdict {
-        match self {
-            TaskKind::Legs { places } | TaskKind::Pathfind { places } => {
-                require((1..=PLACES_MAX).contains(&places.len()), "a task of places has 1 to 1000 of them")?;
-                places.iter().try_for_each(Position::check)
-            }
-            TaskKind::Forward { distance_mm } => {
-                require(*distance_mm < COORDINATE_MAX_MM.unsigned_abs(), "a distance ahead is under 1000 km")
-            }
-            TaskKind::Sweep { dwell_ms, dwell_limit_ms, .. } => {
-                require(dwell_ms <= dwell_limit_ms, "a dwell is at most its limit")
-            }
-            TaskKind::Browse | TaskKind::Search | TaskKind::Explore => Ok(()),
-        }
     }
 }
 

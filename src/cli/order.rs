@@ -110,8 +110,8 @@ refused while a stop is open. Whoever has another venue file or version of the w
 
 A mission goes to the vehicles and to the ground station as a task, and is a run of its own; the vehicles named take part,
 or all. It is shown by each vehicle, or refused with its reason. What --mission takes, and its keys, are those of [mission] in
-a file (configs/README.md): square, waypoints, forward, browse, search, pathfind, explore; and sweep, calibrate, fan,
-fan-straight, which the ground station plans. resume goes on with the mission of the present run.
+a file (configs/README.md); sweep, calibrate, fan and fan-straight are planned by the ground station. resume goes on with the
+mission of the present run.
 
 Examples:
   tomoswarm order operator.toml start                 all vehicles begin

@@ -11,7 +11,7 @@ use super::table::table;
 use crate::geom::Vector;
 use crate::operator::fleet_view::{FleetView, Fresh, VehicleView};
 use crate::operator::names::{
-    control, kind_name, listed, mission, mission_phase, mode, ordered, phase, run_end, troubles,
+    control, kind_name, listed, mission_phase, mode, ordered, phase, run_end, troubles,
 };
 use crate::operator::status::Expected;
 use crate::time::Time;
@@ -111,7 +111,7 @@ fn run(state: &State, seen: &VehicleView) -> String {
 
 /// Returns what a vehicle is out for, and how far it is or how it has ended.
 fn how_far(said: &Mission) -> String {
-    let mut text = format!("{} {}", mission(said.kind), mission_phase(said.phase));
+    let mut text = format!("{} {}", said.kind.word(), mission_phase(said.phase));
     if let Some(end) = said.end {
         return text + &format!(", {end}");
     }
@@ -151,7 +151,7 @@ fn ground_lines(report: &Fresh<Report>, now: Time) -> String {
 fn runs(reports: &[RunReport]) -> String {
     let run = |report: &RunReport| {
         let RunReport { run, kind, compared_with, end, samples, images } = report;
-        let (kind_word, end) = (mission(*kind), run_end(*end));
+        let (kind_word, end) = (kind.word(), run_end(*end));
         if *kind != MissionKind::Sweep {
             return format!("{run} {kind_word} {end}");
         }

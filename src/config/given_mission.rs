@@ -162,16 +162,16 @@ mod tests {
                 ["sweep", "calibrate", "fan", "fan-straight"].contains(&kind)
             );
         }
-        assert_eq!(read("forward", &[]).unwrap().task, Task::Forward { distance_m: 5.0 });
+        assert_eq!(read("forward", &[]).unwrap().task, Task::Forward(5.0));
         assert_eq!(read("calibrate", &["positions=8"]).unwrap().sweep.planner, Planner::Calibrate);
     }
 
     #[test]
     fn keys_are_those_of_a_file_and_words_need_no_quotes() {
-        assert_eq!(read("forward", &["distance_m = 2.5"]).unwrap().task, Task::Forward { distance_m: 2.5 });
+        assert_eq!(read("forward", &["distance_m = 2.5"]).unwrap().task, Task::Forward(2.5));
         let places = vec![Point::new(1.0, 1.0), Point::new(2.0, 1.0)];
         let given = read("pathfind", &["waypoints_m=[[1, 1], [2, 1]]"]).unwrap();
-        assert_eq!(given.task, Task::Pathfind { places });
+        assert_eq!(given.task, Task::Pathfind(places));
         let given = read("sweep", &["planner=fan", "laps=3", "dwell_s=2"]).unwrap();
         assert_eq!(
             (given.sweep.planner, given.sweep.laps, given.sweep.dwell_s),

@@ -1,5 +1,9 @@
 //! The section `[mission]`: what every vehicle is out for. Without it vehicles sweep: they follow the plans of the
-//! ground station. What a mission does with its places is decided by the vehicle, see `node::mission`.
+//! ground station. How a mission travels, and what of it is whose, stands here as well: files, operators and vehicles have
+//! one type for it. What a mission does with its places is decided by the vehicle, see `node::mission`.
+
+use serde::{Deserialize, Serialize};
+use tomoswarm_proto::{self as proto, Position, TaskKind};
 
 use super::Loader;
 use super::forms::{FileName, MaybePlace, places};
@@ -15,32 +19,23 @@ use crate::geom::{Point, Rect};
 /// The most places of a mission.
 const MOST_PLACES: usize = 1000;
 
-/// What a vehicle is out for.
-#[derive(Clone, PartialEq, Debug, Default)]
+/// What a vehicle is out for; places in metres in the venue's frame. A recording of a vehicle has the order of the variants.
+#[derive(Clone, PartialEq, Debug, Default, Serialize, Deserialize)]
 pub enum Task {
     /// It follows the plans of the ground station and measures.
     #[default]
     Sweep,
     /// Straight from place to place, and it ends in front of what stands there. The first is the first for vehicle 1,
     /// the second for vehicle 2, and so on.
-    Legs {
-        /// The places, metres in the venue's frame.
-        places: Vec<Point>,
-    },
-    /// Straight ahead as it stands.
-    Forward {
-        /// How far, metres.
-        distance_m: f64,
-    },
+    Legs(Vec<Point>),
+    /// Straight ahead as it stands, so far, metres; it ends in front of what stands there.
+    Forward(f64),
     /// It looks around where it stands.
     Browse,
+    /// It visits places on paths around what it sees; the vehicles share them.
+    Pathfind(Vec<Point>),
     /// It looks at everything that it can get to, what is near to objects first.
     Search,
-    /// It visits places on paths around what it sees; the vehicles share them.
-    Pathfind {
-        /// The places, metres in the venue's frame.
-        places: Vec<Point>,
-    },
     /// All vehicles together look at everything that can be reached.
     Explore,
 }
@@ -150,18 +145,16 @@ impl Mission {
             MissionKind::Sweep | MissionKind::Calibrate | MissionKind::Fan | MissionKind::FanStraight => {
                 Task::Sweep
             }
-            MissionKind::Square => Task::Legs { places: self.square(source, venue) },
-            MissionKind::Waypoints => Task::Legs { places: self.places(source, venue, loader) },
-            MissionKind::Forward => Task::Forward { distance_m: self.distance_m },
+            MissionKind::Square => Task::Legs(self.square(source, venue)),
+            MissionKind::Waypoints => Task::Legs(self.places(source, venue, loader)),
+            MissionKind::Forward => Task::Forward(self.distance_m),
             MissionKind::Browse => Task::Browse,
             MissionKind::Search => Task::Search,
-            MissionKind::Pathfind if self.has_places() => {
-                Task::Pathfind { places: self.places(source, venue, loader) }
-            }
+            MissionKind::Pathfind if self.has_places() => Task::Pathfind(self.places(source, venue, loader)),
             MissionKind::Pathfind => {
                 let mut places = self.square(source, venue);
                 places.pop();
-                Task::Pathfind { places }
+                Task::Pathfind(places)
             }
             MissionKind::Explore => Task::Explore,
         }
@@ -301,11 +294,11 @@ impl Task {
     pub fn is_planned_by_ground(&self) -> bool {
         match self {
             Task::Sweep => true,
-            Task::Legs { .. }
-            | Task::Forward { .. }
+            Task::Legs(_)
+            | Task::Forward(_)
             | Task::Browse
+            | Task::Pathfind(_)
             | Task::Search
-            | Task::Pathfind { .. }
             | Task::Explore => false,
         }
     }
@@ -313,10 +306,70 @@ impl Task {
     /// Gives the places that it names.
     pub fn places(&self) -> &[Point] {
         match self {
-            Task::Legs { places } | Task::Pathfind { places } => places,
-            Task::Sweep | Task::Forward { .. } | Task::Browse | Task::Search | Task::Explore => &[],
+            Task::Legs(places) | Task::Pathfind(places) => places,
+            Task::Sweep | Task::Forward(_) | Task::Browse | Task::Search | Task::Explore => &[],
         }
     }
+
+    /// Returns what of it the vehicle at a place among so many does, counted from 0. Legs begin with another place for each,
+    /// so that they do not all head for the same one; places to be visited are shared.
+    pub fn share(&self, index: usize, of: usize) -> Task {
+        match self {
+            Task::Legs(places) => Task::Legs(begun_at(places, index)),
+            Task::Pathfind(places) => {
+                let of = of.max(1);
+                Task::Pathfind(places.iter().copied().skip(index % of).step_by(of).collect())
+            }
+            Task::Sweep | Task::Forward(_) | Task::Browse | Task::Search | Task::Explore => self.clone(),
+        }
+    }
+
+    /// Returns how it travels; `None` for a sweep, which has more to it.
+    pub fn on_wire(&self) -> Option<TaskKind> {
+        let positions = |places: &[Point]| places.iter().map(|at| Position::from(*at)).collect();
+        Some(match self {
+            Task::Sweep => return None,
+            Task::Legs(places) => TaskKind::Legs { places: positions(places) },
+            Task::Forward(distance_m) => {
+                TaskKind::Forward { distance_mm: (distance_m * 1000.0).round() as u32 }
+            }
+            Task::Browse => TaskKind::Browse,
+            Task::Pathfind(places) => TaskKind::Pathfind { places: positions(places) },
+            Task::Search => TaskKind::Search,
+            Task::Explore => TaskKind::Explore,
+        })
+    }
+
+    /// Returns its kind, as it travels.
+    pub fn kind(&self) -> proto::MissionKind {
+        self.on_wire().map_or(proto::MissionKind::Sweep, |task| proto::MissionKind::from(&task))
+    }
+}
+
+impl From<&TaskKind> for Task {
+    fn from(task: &TaskKind) -> Task {
+        let points = |places: &[Position]| places.iter().map(|at| Point::from(*at)).collect();
+        match task {
+            TaskKind::Sweep { .. } => Task::Sweep,
+            TaskKind::Legs { places } => Task::Legs(points(places)),
+            TaskKind::Forward { distance_mm } => Task::Forward(f64::from(*distance_mm) / 1000.0),
+            TaskKind::Browse => Task::Browse,
+            TaskKind::Pathfind { places } => Task::Pathfind(points(places)),
+            TaskKind::Search => Task::Search,
+            TaskKind::Explore => Task::Explore,
+        }
+    }
+}
+
+/// Returns places in another order: from one of them to the end, then from the first. A round that ends where it began does
+/// so again.
+fn begun_at(places: &[Point], index: usize) -> Vec<Point> {
+    let is_round = places.len() > 2 && places.first() == places.last();
+    let open = &places[..places.len() - usize::from(is_round)];
+    let start = index % open.len().max(1);
+    let mut turned: Vec<Point> = open[start..].iter().chain(&open[..start]).copied().collect();
+    turned.extend(turned.first().copied().filter(|_| is_round));
+    turned
 }
 
 /// Gives the places of a waypoint file in the venue's frame; what lies outside the fence is refused by its line.

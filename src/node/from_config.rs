@@ -6,11 +6,10 @@ use std::time::Duration;
 use tomoswarm_proto::{Boot, Standing, VehicleId};
 
 use super::memory::Memory;
-use super::mission::begun_at;
-use super::settings::{BodySettings, LookSettings, RadioSettings, Settings, Task};
+use super::settings::{BodySettings, LookSettings, RadioSettings, Settings};
 use crate::autopilot::{self, Kind};
 use crate::config::{
-    self, Body, Craft, Flight, Look, OwnRadio, RangeDriver, Safety, Sim, VehicleFile, Venue,
+    Body, Craft, Flight, Look, OwnRadio, RangeDriver, Safety, Sim, Task, VehicleFile, Venue,
 };
 use crate::geom::{Angle, Lattice, Point};
 
@@ -31,7 +30,7 @@ impl Settings {
             safety: sim.safety,
             path_time: sim.durations.route(),
             // The scenario's operator gives it.
-            task: Task::Plan,
+            task: Task::Sweep,
             autopilot: autopilot_settings(&sim.vehicles.flight),
         }
         .settings(vehicle, boot, home)
@@ -47,7 +46,8 @@ impl Settings {
             radio: file.radio,
             safety: file.safety,
             path_time: PATH_TIME,
-            task: task(&file.task, file.id),
+            // It knows of no others: it visits all places, and begins its legs by its number.
+            task: file.task.share(usize::from(file.id.0.saturating_sub(1)), 1),
             // Vehicles of their own files drive, until the file says otherwise.
             autopilot: autopilot::Settings::default(),
         };
@@ -94,22 +94,6 @@ impl Told<'_> {
             path_time: self.path_time,
             autopilot: self.autopilot,
         }
-    }
-}
-
-/// Returns what a vehicle is out for by its own file. Legs begin with another place for each number, so that vehicles do not
-/// all head for the same one; places to be visited it visits alone.
-fn task(task: &config::Task, vehicle: VehicleId) -> Task {
-    match task {
-        config::Task::Sweep => Task::Plan,
-        config::Task::Legs { places } => {
-            Task::Legs(begun_at(places, usize::from(vehicle.0.saturating_sub(1))))
-        }
-        config::Task::Forward { distance_m } => Task::Forward(*distance_m),
-        config::Task::Browse => Task::Browse,
-        config::Task::Search => Task::Search,
-        config::Task::Pathfind { places } => Task::Pathfind(places.clone()),
-        config::Task::Explore => Task::Explore,
     }
 }
 

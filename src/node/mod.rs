@@ -24,9 +24,10 @@ pub mod vehicle;
 mod vehicle_node;
 pub mod wiring;
 
+pub use crate::config::Task;
 pub use memory::{Memory, Remembered};
 pub use own_state::OwnState;
 pub use route::{Effect, Event};
-pub use settings::{BodySettings, LookSettings, RadioSettings, Settings, Task};
+pub use settings::{BodySettings, LookSettings, RadioSettings, Settings};
 pub use vehicle_node::VehicleNode;
 pub use wiring::VehicleWiring;

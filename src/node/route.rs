@@ -16,6 +16,8 @@
 //!  radio ──a peer's beacon names a stop──► stops
 //! ```
 
+use std::fmt;
+
 use tomoswarm_proto::{Beacon, Boot, Message, RunId, Sample, Sender, Standing};
 
 use super::memory::{Memory, Remembered};
@@ -100,6 +102,17 @@ pub enum Note {
     Mission(mission::Remark),
     /// Emergency stops were opened or lifted.
     Stops(stops::Remark),
+}
+
+impl fmt::Display for Note {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Note::Autopilot(remark) => write!(f, "autopilot: {remark:?}"),
+            Note::Vehicle(remark) => write!(f, "{remark:?}"),
+            Note::Mission(remark) => write!(f, "{remark:?}"),
+            Note::Stops(remark) => write!(f, "{remark}"),
+        }
+    }
 }
 
 /// Whatever is said inside a vehicle or at its edge.

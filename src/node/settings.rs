@@ -7,7 +7,7 @@ use tomoswarm_proto::{Boot, Standing, VehicleId};
 
 use super::memory::Memory;
 use crate::autopilot;
-use crate::config::{Safety, Swarm};
+use crate::config::{Safety, Swarm, Task};
 use crate::geom::{Angle, Lattice, Point, Polygon};
 use crate::plan::Mounts;
 
@@ -49,26 +49,6 @@ pub struct Settings {
     pub path_time: Duration,
     /// Its autopilot.
     pub autopilot: autopilot::Settings,
-}
-
-/// What a vehicle is out for.
-#[derive(Clone, PartialEq, Debug, Default, Serialize, Deserialize)]
-pub enum Task {
-    /// It follows the plans of the ground station.
-    #[default]
-    Plan,
-    /// From place to place in straight lines; it ends in front of what stands there.
-    Legs(Vec<Point>),
-    /// Straight ahead, so far, metres; it ends in front of what stands there.
-    Forward(f64),
-    /// It looks around where it stands.
-    Browse,
-    /// It visits places, on paths around what it sees.
-    Pathfind(Vec<Point>),
-    /// It looks at everything that it can get to, what is near to objects first.
-    Search,
-    /// Together with its peers it looks at everything that can be reached.
-    Explore,
 }
 
 /// Size and motion of the body.

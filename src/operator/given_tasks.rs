@@ -7,13 +7,10 @@ use std::collections::BTreeMap;
 use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
-use tomoswarm_proto::{
-    Lease, MissionKind, Position, RunId, RunReport, SweepPlanner, Task, TaskKind, VehicleId,
-};
+use tomoswarm_proto::{Lease, MissionKind, RunId, RunReport, SweepPlanner, Task, TaskKind, VehicleId};
 
 use super::fleet_view::FleetView;
 use crate::config::{self, Planner, Sweep};
-use crate::geom::Point;
 use crate::time::Time;
 
 /// A task that is not shown yet is said again after so long.
@@ -108,18 +105,7 @@ impl GivenTasks {
 
 /// Returns a mission as its file says it, for the wire.
 pub fn task_kind(task: &config::Task, sweep: &Sweep) -> TaskKind {
-    let places = |all: &[Point]| all.iter().map(|at| Position::from(*at)).collect();
-    match task {
-        config::Task::Sweep => sweep_kind(sweep),
-        config::Task::Legs { places: all } => TaskKind::Legs { places: places(all) },
-        config::Task::Forward { distance_m } => {
-            TaskKind::Forward { distance_mm: (distance_m * 1000.0).round() as u32 }
-        }
-        config::Task::Browse => TaskKind::Browse,
-        config::Task::Search => TaskKind::Search,
-        config::Task::Pathfind { places: all } => TaskKind::Pathfind { places: places(all) },
-        config::Task::Explore => TaskKind::Explore,
-    }
+    task.on_wire().unwrap_or_else(|| sweep_kind(sweep))
 }
 
 fn sweep_kind(sweep: &Sweep) -> TaskKind {
@@ -145,7 +131,8 @@ mod tests {
     use super::super::Heard;
     use super::super::tests_support::{at, heard, report};
     use super::*;
-    use tomoswarm_proto::{Boot, Message, Mission, Progress, Report};
+    use crate::geom::Point;
+    use tomoswarm_proto::{Boot, Message, Mission, Position, Progress, Report};
 
     fn lease(number: u32) -> Lease {
         Lease { number, holder: 9 }
@@ -207,14 +194,15 @@ mod tests {
         let places = vec![Point::new(1.0, -2.5)];
         let on_wire = vec![Position::from_metres(1.0, -2.5, 0.0)];
         for (task, kind) in [
-            (config::Task::Legs { places: places.clone() }, TaskKind::Legs { places: on_wire.clone() }),
-            (config::Task::Pathfind { places }, TaskKind::Pathfind { places: on_wire }),
-            (config::Task::Forward { distance_m: 2.5 }, TaskKind::Forward { distance_mm: 2500 }),
+            (config::Task::Legs(places.clone()), TaskKind::Legs { places: on_wire.clone() }),
+            (config::Task::Pathfind(places), TaskKind::Pathfind { places: on_wire }),
+            (config::Task::Forward(2.5), TaskKind::Forward { distance_mm: 2500 }),
             (config::Task::Browse, TaskKind::Browse),
             (config::Task::Search, TaskKind::Search),
             (config::Task::Explore, TaskKind::Explore),
         ] {
             assert_eq!(task_kind(&task, &Sweep::default()), kind);
+            assert_eq!((config::Task::from(&kind), task.kind()), (task, MissionKind::from(&kind)));
         }
     }
 }

@@ -1,6 +1,6 @@
 //! Orders, modes, phases, who steers, missions and ends of runs in words, as they are typed and shown.
 
-use tomoswarm_proto::{Control, MissionKind, MissionPhase, Mode, OrderKind, Ordered, RunEnd, StationPhase};
+use tomoswarm_proto::{Control, MissionPhase, Mode, OrderKind, Ordered, RunEnd, StationPhase};
 
 /// Returns what a vehicle was ordered last, and by whose right.
 pub fn ordered(ordered: Ordered) -> String {
@@ -54,19 +54,6 @@ pub fn phase(phase: StationPhase) -> &'static str {
         StationPhase::Planning => "planning",
         StationPhase::Running => "running",
         StationPhase::Closing => "closing",
-    }
-}
-
-/// Returns what a vehicle is out for in a word.
-pub fn mission(kind: MissionKind) -> &'static str {
-    match kind {
-        MissionKind::Sweep => "sweep",
-        MissionKind::Legs => "legs",
-        MissionKind::Forward => "forward",
-        MissionKind::Browse => "browse",
-        MissionKind::Search => "search",
-        MissionKind::Pathfind => "pathfind",
-        MissionKind::Explore => "explore",
     }
 }
 

@@ -520,14 +520,9 @@ impl Kernel {
 
     fn note(&mut self, vehicle: usize, note: &VehicleNote) {
         let who = format!("vehicle {}", self.vehicles[vehicle].id());
-        match note {
-            VehicleNote::Autopilot(remark) => self.log(&who, format_args!("autopilot: {remark:?}")),
-            VehicleNote::Vehicle(remark) => self.log(&who, format_args!("{remark:?}")),
-            VehicleNote::Stops(remark) => self.log(&who, format_args!("{remark}")),
-            VehicleNote::Mission(remark) => {
-                self.log(&who, format_args!("{remark:?}"));
-                self.heed(vehicle, remark);
-            }
+        self.log(&who, format_args!("{note}"));
+        if let VehicleNote::Mission(remark) = note {
+            self.heed(vehicle, remark);
         }
     }
 

@@ -44,7 +44,7 @@ fn a_simulation_without_a_mission_sweeps_with_at_least_two() {
 fn a_square_goes_round_the_middle_of_the_area_from_north_west() {
     let sim = read("[mission]\nkind = \"square\"\nsize_m = 8\n").unwrap();
     let corners = [(6.0, 14.0), (14.0, 14.0), (14.0, 6.0), (6.0, 6.0), (6.0, 14.0)];
-    assert_eq!(sim.task, Task::Legs { places: corners.map(|(x, y)| Point::new(x, y)).to_vec() });
+    assert_eq!(sim.task, Task::Legs(corners.map(|(x, y)| Point::new(x, y)).to_vec()));
 }
 
 #[test]
@@ -94,7 +94,7 @@ fn a_waypoint_file_leads_to_its_places_in_the_frame_of_the_venue() {
     let lines = "[mission]\nkind = \"waypoints\"\nfile = \"way.waypoints\"\n";
     // 0.0001° of latitude are 11.13 m to the north, the courtyard's y.
     let sim = read_with(lines, &waypoints(52.3703, 4.8952)).unwrap();
-    let Task::Legs { places } = &sim.task else { panic!("{:?}", sim.task) };
+    let Task::Legs(places) = &sim.task else { panic!("{:?}", sim.task) };
     assert!(places.len() == 1 && places[0].distance_to(Point::new(0.0, 11.13)) < 0.02, "{places:?}");
 }
 

@@ -22,10 +22,10 @@ pub use health::{
 pub use hello::{Capability, Hello, Interest, RadioKind, RangeSensorKind, ServoKind};
 pub use image::{Covariance, Find, IMAGE_PART_PIXELS, IMAGE_SIDE_MAX, Image, ImageSubject, Rectangle};
 pub use map::{Digest, LayerDigest, TILE_CELLS, TILE_SIDE, TileAddress, TileReport, Want};
-pub use order::{EmergencyStop, Order, OrderKind, Standing, StopScope, SweepPlanner, Task, TaskKind};
-pub use plan::{
-    Mission, MissionEnd, MissionKind, MissionPhase, MissionRefusal, Plan, Progress, SeenState, Stop,
+pub use order::{
+    EmergencyStop, MissionKind, Order, OrderKind, Standing, StopScope, SweepPlanner, Task, TaskKind,
 };
+pub use plan::{Mission, MissionEnd, MissionPhase, MissionRefusal, Plan, Progress, SeenState, Stop};
 pub use report::{Report, RunEnd, RunReport, StationPhase};
 pub use samples::{Have, HeardFrom, LostSamples, Sample, Samples, WATERMARKS_ALWAYS};
 pub use state::{Control, LegReport, Mode, Ordered, StandReason, State};

@@ -1,10 +1,14 @@
 //! What operators say: orders, emergency stops, tasks. Who wins when two contradict each other is decided by lease,
-//! revision and name, and not here.
+//! revision and name, and not here. All that the wire knows of a kind of mission stands here: parameters, bounds, word.
 
 use serde::{Deserialize, Serialize};
 
-use super::{MissionKind, SeenState};
+use super::SeenState;
+use crate::check::{COORDINATE_MAX_MM, Verdict, require};
 use crate::{EmergencyName, Lease, OperatorId, Position, Revision, RunId, VehicleId};
+
+/// Places of a task at most.
+const PLACES_MAX: usize = 1000;
 
 /// What an operator wants of a vehicle. What stops the whole swarm is no order: see [`EmergencyStop`].
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Debug, Serialize, Deserialize)]
@@ -153,6 +157,60 @@ impl From<&TaskKind> for MissionKind {
             TaskKind::Search => MissionKind::Search,
             TaskKind::Pathfind { .. } => MissionKind::Pathfind,
             TaskKind::Explore => MissionKind::Explore,
+        }
+    }
+}
+
+impl TaskKind {
+    /// Returns why it is impossible, if it is.
+    pub(crate) fn check(&self) -> Verdict {
+        match self {
+            TaskKind::Legs { places } | TaskKind::Pathfind { places } => {
+                require((1..=PLACES_MAX).contains(&places.len()), "a task of places has 1 to 1000 of them")?;
+                places.iter().try_for_each(Position::check)
+            }
+            TaskKind::Forward { distance_mm } => {
+                require(*distance_mm < COORDINATE_MAX_MM.unsigned_abs(), "a distance ahead is under 1000 km")
+            }
+            TaskKind::Sweep { dwell_ms, dwell_limit_ms, .. } => {
+                require(dwell_ms <= dwell_limit_ms, "a dwell is at most its limit")
+            }
+            TaskKind::Browse | TaskKind::Search | TaskKind::Explore => Ok(()),
+        }
+    }
+}
+
+/// What a vehicle is out for, without its parameters (see [`TaskKind`]).
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Debug, Default, Serialize, Deserialize)]
+pub enum MissionKind {
+    /// It follows the plans of the ground station and measures.
+    #[default]
+    Sweep,
+    /// Straight from place to place.
+    Legs,
+    /// Straight ahead as it stands.
+    Forward,
+    /// It looks around where it stands.
+    Browse,
+    /// It looks at everything that it can get to.
+    Search,
+    /// It visits places on paths around what it sees.
+    Pathfind,
+    /// All vehicles together look at everything that can be reached.
+    Explore,
+}
+
+impl MissionKind {
+    /// Returns the word that people read.
+    pub fn word(self) -> &'static str {
+        match self {
+            MissionKind::Sweep => "sweep",
+            MissionKind::Legs => "legs",
+            MissionKind::Forward => "forward",
+            MissionKind::Browse => "browse",
+            MissionKind::Search => "search",
+            MissionKind::Pathfind => "pathfind",
+            MissionKind::Explore => "explore",
         }
     }
 }

@@ -4,6 +4,7 @@ use std::fmt;
 
 use serde::{Deserialize, Serialize};
 
+use super::MissionKind;
 use crate::{Boot, Lease, Permille, Position, Revision, RunId, StopId, VehicleId};
 
 /// The newest State that was heard of a vehicle, so that it can judge by its own clock how old an order or a plan is.
@@ -66,26 +67,6 @@ pub struct Progress {
     pub done: Option<StopId>,
     /// The stop whose leg it has entered, if any.
     pub leg: Option<StopId>,
-}
-
-/// What a vehicle is out for, without its parameters (see [`super::TaskKind`]).
-#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Debug, Default, Serialize, Deserialize)]
-pub enum MissionKind {
-    /// It follows the plans of the ground station and measures.
-    #[default]
-    Sweep,
-    /// Straight from place to place.
-    Legs,
-    /// Straight ahead as it stands.
-    Forward,
-    /// It looks around where it stands.
-    Browse,
-    /// It looks at everything that it can get to.
-    Search,
-    /// It visits places on paths around what it sees.
-    Pathfind,
-    /// All vehicles together look at everything that can be reached.
-    Explore,
 }
 
 /// What a vehicle does for its mission now.

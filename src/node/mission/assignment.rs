@@ -13,9 +13,9 @@
 use std::collections::BTreeMap;
 
 use serde::{Deserialize, Serialize};
-use tomoswarm_proto::{self as proto, MissionKind, MissionRefusal, RunId, TaskKind, VehicleId};
+use tomoswarm_proto::{self as proto, MissionKind, MissionRefusal, RunId, VehicleId};
 
-use crate::geom::{Point, Polygon};
+use crate::geom::Polygon;
 use crate::node::{Settings, Task};
 
 /// Tasks of so many runs are kept: the present one's, and the highest.
@@ -47,7 +47,7 @@ impl Assignment {
             by_file: settings.task.clone(),
             run: RunId::default(),
             tasks: BTreeMap::new(),
-            kind: kind_of(&settings.task),
+            kind: settings.task.kind(),
             task: Ok(settings.task.clone()),
         }
     }
@@ -77,7 +77,7 @@ impl Assignment {
 
     /// Returns whether it does not follow the ground's plan: it has a mission of its own, or refuses its task.
     pub fn is_own(&self) -> bool {
-        self.task != Ok(Task::Plan)
+        self.task != Ok(Task::Sweep)
     }
 
     /// Takes a task, unless it is of an earlier run; returns whether the vehicle is out for something else from now on.
@@ -105,73 +105,36 @@ impl Assignment {
     fn decide(&mut self) -> bool {
         let (kind, task) = match self.tasks.get(&self.run) {
             Some(task) => (MissionKind::from(&task.kind), self.share_of(task)),
-            None => (kind_of(&self.by_file), Ok(self.by_file.clone())),
+            None => (self.by_file.kind(), Ok(self.by_file.clone())),
         };
         let is_news = (kind, &task) != (self.kind, &self.task);
         (self.kind, self.task) = (kind, task);
         is_news
     }
 
-    /// Returns what of a task is this vehicle's to do. Legs begin with another place for each member, so that they do not
-    /// all head for the same one; places to be visited are shared.
+    /// Returns what of a task is this vehicle's to do.
     fn share_of(&self, task: &proto::Task) -> Result<Task, MissionRefusal> {
         let Some(index) = task.members.iter().position(|member| *member == self.vehicle) else {
             return Err(MissionRefusal::NoPlace);
         };
-        let points = |places: &[proto::Position]| places.iter().map(|at| Point::from(*at)).collect();
-        let (places, share): (Vec<Point>, Task) = match &task.kind {
-            TaskKind::Sweep { .. } => return Ok(Task::Plan),
-            TaskKind::Legs { places } => {
-                let places: Vec<Point> = points(places);
-                (places.clone(), Task::Legs(begun_at(&places, index)))
-            }
-            TaskKind::Pathfind { places } => {
-                let all: Vec<Point> = points(places);
-                let places: Vec<Point> = all.into_iter().skip(index).step_by(task.members.len()).collect();
-                (places.clone(), Task::Pathfind(places))
-            }
-            TaskKind::Forward { distance_mm } => (vec![], Task::Forward(f64::from(*distance_mm) / 1000.0)),
-            TaskKind::Browse => (vec![], Task::Browse),
-            TaskKind::Search => (vec![], Task::Search),
-            TaskKind::Explore => (vec![], Task::Explore),
-        };
+        let share = Task::from(&task.kind).share(index, task.members.len());
+        if share.is_planned_by_ground() {
+            return Ok(share);
+        }
         if self.is_blind {
             return Err(MissionRefusal::NotCapable);
         }
-        let is_inside = places.iter().all(|at| self.fence.contains(*at));
+        let is_inside = share.places().iter().all(|at| self.fence.contains(*at));
         if is_inside { Ok(share) } else { Err(MissionRefusal::OutsideFence) }
     }
-}
-
-/// Returns the kind of a task.
-pub(super) fn kind_of(task: &Task) -> MissionKind {
-    match task {
-        Task::Plan => MissionKind::Sweep,
-        Task::Legs(_) => MissionKind::Legs,
-        Task::Forward(_) => MissionKind::Forward,
-        Task::Browse => MissionKind::Browse,
-        Task::Search => MissionKind::Search,
-        Task::Pathfind(_) => MissionKind::Pathfind,
-        Task::Explore => MissionKind::Explore,
-    }
-}
-
-/// Returns places in another order: from one of them to the end, then from the first. A round that ends where it began does
-/// so again.
-pub(in crate::node) fn begun_at(places: &[Point], index: usize) -> Vec<Point> {
-    let is_round = places.len() > 2 && places.first() == places.last();
-    let open = &places[..places.len() - usize::from(is_round)];
-    let start = index % open.len().max(1);
-    let mut turned: Vec<Point> = open[start..].iter().chain(&open[..start]).copied().collect();
-    turned.extend(turned.first().copied().filter(|_| is_round));
-    turned
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::geom::Point;
     use crate::node::tests_support::settings;
-    use tomoswarm_proto::Position;
+    use tomoswarm_proto::{Position, TaskKind};
 
     fn task(run: u32, kind: TaskKind) -> proto::Task {
         let members = vec![VehicleId(1), VehicleId(3)];
@@ -190,7 +153,7 @@ mod tests {
     fn taken(vehicle: u8, kind: TaskKind) -> Result<Task, MissionRefusal> {
         let mut assignment = Assignment::by_file(&settings(vehicle));
         assignment.hear(&task(3, kind));
-        assert_eq!(assignment.task(), Ok(&Task::Plan), "it moves nobody");
+        assert_eq!(assignment.task(), Ok(&Task::Sweep), "it moves nobody");
         assignment.start(RunId(3));
         assignment.task().cloned()
     }
@@ -236,7 +199,7 @@ mod tests {
     fn a_task_of_an_earlier_run_is_passed_over_and_of_the_present_one_the_newest_counts_at_once() {
         let mut assignment = Assignment::by_file(&settings(1));
         assignment.start(RunId(3));
-        assert_eq!(assignment.task(), Ok(&Task::Plan));
+        assert_eq!(assignment.task(), Ok(&Task::Sweep));
         assert!(!assignment.hear(&task(2, TaskKind::Explore)));
         assert!(assignment.hear(&task(3, TaskKind::Explore)), "after its start it counts at once");
         assert!(!assignment.hear(&task(3, TaskKind::Explore)), "and is no news again");

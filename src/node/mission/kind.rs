@@ -2,7 +2,7 @@
 //! Each is told what is seen and says the next step. How a step is carried out, how room is made for peers and how the
 //! vehicle goes home is the same for all kinds: see `runner`.
 //!
-//! Adding a kind: its file here, its declaration in `config`, and its line in the lists below.
+//! Adding a kind: its file here, its lines in the lists below, its declaration in `config/task.rs` and on the wire.
 //!
 //! Deliberately absent: commands. A kind neither drives nor waits by itself, and knows of no order.
 
@@ -145,7 +145,7 @@ impl Kind {
     /// Makes the mission of a task; `None` when the ground station plans.
     pub fn of(settings: &Settings) -> Option<Kind> {
         Some(match &settings.task {
-            Task::Plan => return None,
+            Task::Sweep => return None,
             Task::Legs(places) => Kind::Straight(Straight::along(places)),
             Task::Forward(distance_m) => Kind::Straight(Straight::ahead(*distance_m)),
             Task::Browse => Kind::Browse(Browse::default()),

@@ -53,7 +53,6 @@ use crate::stops::first_that_stops;
 use crate::sweep::{VehicleProgress, WaitsFor};
 use crate::time::{Deadline, Time};
 
-pub(super) use assignment::begun_at;
 pub use autonomy::Cause;
 pub use home::{HOME_M, farthest_m as home_farthest_m, is_at_home};
 pub use messages::{End, In, Key, MissionStatus, Out, Remark};
