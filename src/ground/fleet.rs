@@ -5,7 +5,8 @@
 //! vehicle's echo; the higher (lease, revision) wins, and a vehicle obeys only what is above its echo. So an echo that
 //! is not the station's own order shows what somebody else has ordered: a Start, or something that *stands* until the
 //! next Start of that vehicle. An own order that lost is given up, never raised over the other one; a Start that was on its
-//! way when somebody stopped the vehicle, and came later, lifts nothing: what stands is ordered again, above it.
+//! way when somebody stopped the vehicle lifts nothing: what stands is ordered again, above it, at once and when the start
+//! came all the same. So nobody else's next start has its number.
 
 use std::collections::BTreeMap;
 use std::time::Duration;
@@ -258,7 +259,7 @@ impl Fleet {
     pub fn stop(&mut self, open: &[EmergencyStop]) {
         for (vehicle, member) in &mut self.members {
             if first_that_stops(open, *vehicle).is_some() {
-                member.dealings.be_stopped();
+                member.dealings.be_stopped(*vehicle, self.lease);
             }
         }
     }
@@ -353,7 +354,9 @@ impl Dealings {
         let obeyed = echo.map_or(Revision(0), |echo| echo.revision);
         let pending = self.issued.as_ref().filter(|order| self.is_pending && order.lease == lease);
         let pending = pending.map_or(Revision(0), |order| order.revision);
-        let revision = Revision(obeyed.max(pending).0.saturating_add(1));
+        let crossing = self.crossing.as_ref().filter(|order| order.lease == lease);
+        let crossing = crossing.map_or(Revision(0), |order| order.revision);
+        let revision = Revision(obeyed.max(pending).max(crossing).0.saturating_add(1));
         self.issued = Some(Order { vehicle, lease, run, revision, seen: None, kind, ends: Vec::new() });
         (self.is_pending, self.is_said) = (true, false);
         self.stand(kind);
@@ -369,11 +372,16 @@ impl Dealings {
         }
     }
 
-    /// An emergency stop holds it, whoever has ordered what.
-    fn be_stopped(&mut self) {
+    /// An emergency stop holds it, whoever has ordered what. An own start that was said and is not obeyed yet has a number
+    /// that the next one to order counts on to: a hold goes above it, so that no other start is taken for it.
+    fn be_stopped(&mut self, vehicle: VehicleId, lease: Lease) {
         self.stand(OrderKind::Hold);
-        let is_start = self.issued.as_ref().is_some_and(|order| order.kind == OrderKind::Start);
-        self.is_pending = self.is_pending && !is_start;
+        let start = self.issued.clone().filter(|order| self.is_pending && order.kind == OrderKind::Start);
+        match start {
+            Some(start) if self.is_said => self.order(vehicle, lease, start.run, OrderKind::Hold),
+            Some(_) => self.is_pending = false,
+            None => {}
+        }
     }
 
     fn stand(&mut self, kind: OrderKind) {
@@ -391,7 +399,10 @@ impl Dealings {
         let of = |order: &Order| (order.lease, order.revision);
         let is = |order: &Order| of(order) == echo.edition() && (order.kind, order.run) == (kind, echo.run);
         if let Some(order) = self.crossing.take_if(|order| is(order)) {
-            self.stop_again(order.vehicle, lease, echo.run);
+            let is_above = self.issued.as_ref().is_some_and(|issued| of(issued) > echo.edition());
+            if !(self.is_pending && is_above) {
+                self.stop_again(order.vehicle, lease, echo.run);
+            }
             return None;
         }
         let is_own = self.issued.as_ref().is_some_and(is);
@@ -410,6 +421,10 @@ impl Dealings {
             self.crossing = lost.filter(|order| !is_start && of(order) > echo.edition());
         }
         self.stand(kind);
+        if let Some(start) = self.crossing.clone().filter(|_| is_beaten && kind != OrderKind::CutMotors) {
+            // It may be on its way still, and whoever orders next counts on to its number.
+            self.stop_again(start.vehicle, lease, echo.run);
+        }
         let is_fresh = known.is_some() || (echo.lease >= lease && accepted < echo.run);
         self.earlier = (is_start && !is_fresh && echo.lease >= lease).then_some(echo.run);
         (is_start && is_fresh).then_some(echo.run)
@@ -544,6 +559,33 @@ mod tests {
             heard(&mut fleet, 4, 5, again);
             heard(&mut fleet, 5, 6, OrderKind::Start);
             assert_eq!(fleet.standing(), None, "somebody has started it");
+        }
+    }
+
+    #[test]
+    fn whoever_starts_next_does_not_have_the_number_of_an_own_start_that_was_given_up() {
+        let said = || {
+            let mut fleet = Fleet::new(&[ONE], LEASE);
+            heard(&mut fleet, 1, 2, OrderKind::Start);
+            fleet.order_all(RunId(1), OrderKind::Start);
+            fleet.note_said();
+            fleet
+        };
+        // It was stopped under a lower lease, or by an emergency stop: its echo says nothing of the start.
+        let (mut held, mut stopped) = (said(), said());
+        let lower = Lease { number: 0, holder: 3 };
+        let mut hold = state(2, 9, Some(OrderKind::Hold));
+        hold.ordered.lease = lower;
+        held.heard_state(Time::ZERO, hold);
+        let (name, by) = (tomoswarm_proto::EmergencyName(70_000), tomoswarm_proto::OperatorId(1));
+        stopped.stop(&[EmergencyStop { name, scope: tomoswarm_proto::StopScope::All, by }]);
+        for fleet in [&mut held, &mut stopped] {
+            let orders = fleet.open_orders();
+            assert_eq!((orders[0].kind, fleet.standing()), (OrderKind::Hold, Some(OrderKind::Hold)));
+            let revision = orders[0].revision.0;
+            heard(fleet, 3, revision, OrderKind::Hold);
+            let shown = heard(fleet, 4, revision + 1, OrderKind::Start);
+            assert_eq!((fleet.standing(), shown.started), (None, Some(RunId(1))), "somebody has started it");
         }
     }
 
