@@ -21,7 +21,7 @@ const EVERY: Duration = Duration::from_millis(100);
 /// A forged start of a vehicle's software is believed for 30 s after its last word.
 const BELIEVED_FOR: Duration = Duration::from_secs(32);
 /// A sweep that was started ends within this.
-const SWEPT_WITHIN: Duration = Duration::from_secs(120);
+const SWEPT_WITHIN: Duration = Duration::from_secs(180);
 /// The store that the forger makes up.
 const NO_STORE: u64 = 1;
 const HIGHEST: Lease = Lease { number: u32::MAX, holder: u64::MAX };
