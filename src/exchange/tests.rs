@@ -346,3 +346,38 @@ fn what_stands_is_heard_whatever_the_venue_and_a_task_is_not() {
     swarm.run(seconds(0.1));
     assert_eq!(swarm.nodes[two].heard, [standing]);
 }
+
+#[test]
+fn a_number_far_above_all_others_is_refused_by_nodes_and_shown_by_tools() {
+    let mut swarm = Swarm::default();
+    swarm.join(TWO, 1, VENUE);
+    let mission = |lease_number: u32| {
+        Message::Mission(Mission { vehicle: VehicleId(3), lease_number, ..Mission::default() })
+    };
+    let hear = |exchange: &mut Exchange, lease_number: u32| {
+        let frame = encode(&mission(lease_number)).unwrap();
+        exchange.hear(Time::ZERO, THREE, &frame).map(|reception| reception.heard)
+    };
+    let node = &mut swarm.nodes[0].exchange;
+    assert_eq!(hear(node, 5), Ok(Some(Heard::Message(THREE, mission(5)))));
+    let refusal = Refusal::Leaps { what: "lease", number: u32::MAX, highest: 5 };
+    assert_eq!(hear(node, u32::MAX), Err(refusal.clone()));
+    assert_eq!(refusal.to_string(), "lease 4294967295 is too far above 5, the highest heard");
+    assert_eq!((node.counts().taken, node.counts().refused), (1, 1));
+    let mut tool = Exchange::new(BYTES_PER_S, Presence::listening());
+    assert!(hear(&mut tool, 5).is_ok() && hear(&mut tool, u32::MAX).is_ok());
+}
+
+#[test]
+fn what_a_node_says_itself_is_not_too_far_above_what_it_has_heard() {
+    let mut swarm = Swarm::default();
+    let two = swarm.join(TWO, 1, VENUE);
+    swarm.run(Duration::from_secs(2));
+    let of = |vehicle: u8, lease_number: u32| {
+        Message::Mission(Mission { vehicle: VehicleId(vehicle), lease_number, ..Mission::default() })
+    };
+    let now = swarm.now;
+    let node = &mut swarm.nodes[two].exchange;
+    node.say(now, &of(2, 90_000)).unwrap();
+    assert!(node.hear(now, THREE, &encode(&of(3, 90_001)).unwrap()).is_ok());
+}

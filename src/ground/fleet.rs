@@ -168,7 +168,7 @@ impl Fleet {
     pub fn stop(&mut self, open: &[EmergencyStop]) {
         for (vehicle, member) in &mut self.members {
             if first_that_stops(open, *vehicle).is_some() {
-                member.dealings_mut().be_stopped();
+                member.dealings_mut().be_stopped(*vehicle, self.lease);
             }
         }
     }

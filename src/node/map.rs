@@ -376,6 +376,28 @@ mod tests {
     }
 
     #[test]
+    fn what_others_say_of_the_own_layer_is_asked_for_and_put_right() {
+        let mut map = Map::new(settings(1));
+        told(&mut map, vec![scan(Some(2.0)); 4]);
+        woken(&mut map, Time::from_secs_f64(2.0));
+        let mut report =
+            map.merged.report(map.own, map.merged.layer(map.own).unwrap().tiles().next().unwrap().0).unwrap();
+        (report.revision, report.cells) = (900, std::sync::Arc::new([17; tomoswarm_proto::TILE_CELLS]));
+        let layer = tomoswarm_proto::LayerDigest { layer: map.own, tiles: 1, revisions: 900, hash: 1 };
+        let mut out = Vec::new();
+        map.handle(Time::from_secs_f64(2.0), In::Digest(Digest { layers: vec![layer] }), &mut out).unwrap();
+        out.extend(woken(&mut map, Time::from_secs_f64(2.5)));
+        let asks = |said: &Out| matches!(said, Out::Publish(Message::Want(want)) if want.layer == map.own);
+        assert!(out.iter().any(asks), "{out:?}");
+        out.clear();
+        map.handle(Time::from_secs_f64(2.5), In::Tile(report.clone()), &mut out).unwrap();
+        out.extend(woken(&mut map, Time::from_secs_f64(4.0)));
+        let own = map.merged.report(map.own, report.address).unwrap();
+        assert!(own.revision == 901 && own.cells != report.cells);
+        assert!(out.contains(&Out::Publish(Message::Tile(own))), "everybody is told");
+    }
+
+    #[test]
     fn all_changed_tiles_have_their_turn_however_many_there_are() {
         let mut map = Map::new(settings(1));
         for place in 0..400 {

@@ -661,6 +661,38 @@ mod tests {
     }
 
     #[test]
+    fn what_a_lower_right_has_given_and_nobody_follows_is_void_whatever_its_revision() {
+        let of =
+            |plan: Plan, number: u32| Plan { lease: tomoswarm_proto::Lease { number, holder: 7 }, ..plan };
+        let mut follower = following(&plan(ONE, 2, 3));
+        follower.hear(second(1.0), &peer(2, None, None));
+        assert_eq!(follower.offer(&of(plan(ONE, 900, 0), 1)), Verdict::Kept);
+        assert!(follower.next_leg().is_none());
+        assert_eq!(follower.offer(&of(plan(ONE, 3, 0), 2)), Verdict::Kept);
+        assert_eq!(follower.pending_edition(), Some((RunId(1), Revision(3))));
+        assert_eq!(follower.offer(&of(plan(TWO, 900, 0), 1)), Verdict::Kept, "a later one is collected");
+        assert_eq!(follower.offer(&of(plan(ONE, 2, 3), 3)), Verdict::Old, "it is followed already");
+        assert_eq!(follower.next_leg().map(|stop| stop.id), Some(StopId(1)), "and nothing is newer");
+    }
+
+    #[test]
+    fn a_revision_that_a_peer_does_not_say_again_is_none_that_it_follows() {
+        for (heard_s, rests) in [(10.9, false), (11.1, true)] {
+            let mut own = plan(ONE, 2, 1);
+            (own.stops[0].dwell_ms, own.stops[0].dwell_limit_ms) = (1000, 60_000);
+            own.stops[0].partners = vec![TWO];
+            let mut follower = following(&own);
+            follower.hear(second(0.9), &peer(2, None, None));
+            follower.hear(second(1.0), &peer(900, None, None));
+            follower.hear(second(heard_s), &peer(2, None, None));
+            follower.enter(StopId(1)).unwrap();
+            follower.arrive(second(12.0), StopId(1), at(1.0)).unwrap();
+            let stays_s = if rests { 1.0 } else { 60.0 };
+            assert_eq!(follower.deadline().map(|deadline| deadline.at), Some(second(12.0 + stays_s)));
+        }
+    }
+
+    #[test]
     fn a_peer_that_lost_its_count_of_starts_is_believed_after_a_silence() {
         let of = |boot: u32, leg: Option<u32>| VehicleProgress { boot: Boot(boot), ..peer(2, None, leg) };
         for (heard_s, rests) in [(30.9, false), (31.1, true)] {

@@ -9,6 +9,7 @@ mod clocks;
 mod deaths;
 #[cfg(feature = "hw")]
 mod drivers;
+mod forgers;
 mod grounds;
 mod member;
 mod missions;

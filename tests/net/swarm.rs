@@ -23,6 +23,7 @@ use tomoswarm::run::trust::CommonName;
 use tomoswarm::store::ground::GroundStore;
 use tomoswarm_proto::{Boot, Digest, Message, Report, RunId, Sample, Sender, StationPhase, VehicleId};
 
+use crate::forgers::FORGED_FROM;
 use crate::member::settings;
 use crate::relay::Relay;
 
@@ -553,6 +554,32 @@ impl Swarm {
             let said = self.look(|watch| watch.samples_of(id.0, 1));
             assert!(said > 0 && *sequences == (0..sequences.len() as u64).collect::<Vec<_>>(), "a gap: {id}");
         }
+    }
+
+    /// The same where somebody has said frames in others' names: a sample of a number that no vehicle has come to is stored as
+    /// well, and of the true ones none may be missing.
+    pub fn finish_after_forgery(&mut self, run: RunId) {
+        let status = WorldControl::connect(self.world, TOKEN).unwrap().report().unwrap();
+        assert_eq!((status.collision_count, status.fence_breaches), (0, 0), "{:?}", status.collisions);
+        self.end_in_order();
+        let store = GroundStore::open_to_read(&self.path("state-g").join("ground.sqlite")).unwrap();
+        let mut stored: BTreeMap<(VehicleId, RunId), Vec<u64>> = BTreeMap::new();
+        store
+            .each_sample(None, |row| {
+                if row.boot == Boot(1) && row.sample.sequence < FORGED_FROM {
+                    stored.entry((row.vehicle, row.run)).or_default().push(row.sample.sequence);
+                }
+            })
+            .unwrap();
+        for of in (1..=self.size.vehicles).map(|id| (VehicleId(id), run)) {
+            assert!(stored.contains_key(&of), "nothing of {of:?}");
+        }
+        for (of, mut sequences) in stored {
+            sequences.sort_unstable();
+            assert_eq!(sequences, (0..sequences.len() as u64).collect::<Vec<_>>(), "a gap in {of:?}");
+        }
+        let runs = store.runs().unwrap();
+        assert!(runs.iter().any(|stored| stored.run == run && stored.closed_utc_s.is_some()), "{runs:?}");
     }
 
     /// Ends the vehicles and then the grounds, which store what the vehicles have said last.

@@ -6,7 +6,8 @@
 //! vehicle's echo; the higher (lease, revision) wins, and a vehicle obeys only what is above its echo. So an echo that
 //! is not the station's own order shows what somebody else has ordered: a Start, or something that *stands* until the
 //! next Start of that vehicle. An own order that lost is given up, never raised over the other one; a Start that was on its
-//! way when somebody stopped the vehicle, and came later, lifts nothing: what stands is ordered again, above it.
+//! way when somebody stopped the vehicle lifts nothing: what stands is ordered again, above it, at once and when the start
+//! came all the same. So nobody else's next start has its number.
 
 use serde::{Deserialize, Serialize};
 use tomoswarm_proto::{Boot, Lease, Order, OrderKind, Ordered, Revision, RunId, State, VehicleId};
@@ -88,7 +89,9 @@ impl Dealings {
         let obeyed = echo.map_or(Revision(0), |echo| echo.revision);
         let pending = self.issued.as_ref().filter(|order| self.is_pending && order.lease == lease);
         let pending = pending.map_or(Revision(0), |order| order.revision);
-        let revision = Revision(obeyed.max(pending).0.saturating_add(1));
+        let crossing = self.crossing.as_ref().filter(|order| order.lease == lease);
+        let crossing = crossing.map_or(Revision(0), |order| order.revision);
+        let revision = Revision(obeyed.max(pending).max(crossing).0.saturating_add(1));
         self.issued = Some(Order { vehicle, lease, run, revision, seen: None, kind, ends: Vec::new() });
         (self.is_pending, self.is_said) = (true, false);
         self.stand(kind);
@@ -104,12 +107,17 @@ impl Dealings {
         }
     }
 
-    /// Takes that an emergency stop holds it, whoever has ordered what: that stands until somebody starts it, and an own start
-    /// that is still to be repeated is given up.
-    pub fn be_stopped(&mut self) {
+    /// Takes that an emergency stop holds it, whoever has ordered what: that stands until somebody starts it. An own start that
+    /// is not obeyed yet is given up; the next one to order counts on to its number, once it was said: a hold goes above it, so
+    /// that no other start is taken for it.
+    pub fn be_stopped(&mut self, vehicle: VehicleId, lease: Lease) {
         self.stand(OrderKind::Hold);
-        let is_start = self.issued.as_ref().is_some_and(|order| order.kind == OrderKind::Start);
-        self.is_pending = self.is_pending && !is_start;
+        let start = self.issued.clone().filter(|order| self.is_pending && order.kind == OrderKind::Start);
+        match start {
+            Some(start) if self.is_said => self.order(vehicle, lease, start.run, OrderKind::Hold),
+            Some(_) => self.is_pending = false,
+            None => {}
+        }
     }
 
     fn stand(&mut self, kind: OrderKind) {
@@ -127,7 +135,10 @@ impl Dealings {
         let of = |order: &Order| (order.lease, order.revision);
         let is = |order: &Order| of(order) == echo.edition() && (order.kind, order.run) == (kind, echo.run);
         if let Some(order) = self.crossing.take_if(|order| is(order)) {
-            self.stop_again(order.vehicle, lease, echo.run);
+            let is_above = self.issued.as_ref().is_some_and(|issued| of(issued) > echo.edition());
+            if !(self.is_pending && is_above) {
+                self.stop_again(order.vehicle, lease, echo.run);
+            }
             return None;
         }
         let is_own = self.issued.as_ref().is_some_and(is);
@@ -146,6 +157,10 @@ impl Dealings {
             self.crossing = lost.filter(|order| !is_start && of(order) > echo.edition());
         }
         self.stand(kind);
+        if let Some(start) = self.crossing.clone().filter(|_| is_beaten && kind != OrderKind::CutMotors) {
+            // It may be on its way still, and whoever orders next counts on to its number.
+            self.stop_again(start.vehicle, lease, echo.run);
+        }
         let is_fresh = known.is_some() || (echo.lease >= lease && accepted < echo.run);
         self.earlier = (is_start && !is_fresh && echo.lease >= lease).then_some(echo.run);
         (is_start && is_fresh).then_some(echo.run)
@@ -275,11 +290,36 @@ mod tests {
     fn under_an_emergency_stop_the_own_start_is_given_up_and_hold_stands() {
         let mut dealings = that_shows(2, OrderKind::Start);
         dealings.start(ONE, LEASE, RUN);
-        dealings.be_stopped();
+        dealings.be_stopped(ONE, LEASE);
         assert_eq!((dealings.open_order(), dealings.stands()), (None, Some(OrderKind::Hold)));
         dealings.order(ONE, LEASE, RUN, OrderKind::Land);
-        dealings.be_stopped();
+        dealings.be_stopped(ONE, LEASE);
         assert_eq!(dealings.open_order().map(|order| order.kind), Some(OrderKind::Land), "that is no start");
+    }
+
+    #[test]
+    fn whoever_starts_next_does_not_have_the_number_of_an_own_start_that_was_given_up() {
+        let said = || {
+            let mut dealings = that_shows(2, OrderKind::Start);
+            dealings.start(ONE, LEASE, RUN);
+            dealings.note_said();
+            dealings
+        };
+        // It was stopped under a lower lease, or by an emergency stop: its echo says nothing of the start.
+        let (mut held, mut stopped) = (said(), said());
+        let lower = Lease { number: 0, holder: 3 };
+        let hold = Ordered { lease: lower, revision: Revision(9), run: RUN, kind: Some(OrderKind::Hold) };
+        assert_eq!(held.take_echo(hold, RunId(0), LEASE), None);
+        stopped.be_stopped(ONE, LEASE);
+        for dealings in [&mut held, &mut stopped] {
+            assert_eq!(
+                (open(dealings), dealings.stands()),
+                (Some((LEASE, 4, OrderKind::Hold)), Some(OrderKind::Hold))
+            );
+            shows(dealings, 4, OrderKind::Hold);
+            assert_eq!(shows(dealings, 5, OrderKind::Start), Some(RUN), "somebody has started it");
+            assert_eq!(dealings.stands(), None);
+        }
     }
 
     #[test]

@@ -111,7 +111,7 @@ impl Member {
         let started = started.or_else(|| self.dealings.under_way(&state));
         // Also when a start of before the stop was shown after it: what an open stop holds stands.
         if let Some(StandReason::Stop(_)) = state.stands_under {
-            self.dealings.be_stopped();
+            self.dealings.be_stopped(state.vehicle, lease);
         }
         self.state = Some((now, state));
         Shown { restarted, found, got_on: false, started }

@@ -14,7 +14,7 @@ use tomoswarm_proto::{MissionKind, RunEnd, RunId, RunReport, Task, VehicleId};
 
 use super::super::planner::SweepTask;
 
-/// So many runs are remembered; the newest ones stay.
+/// So many runs are remembered; the newest ones stay, and those that are under way.
 const RUNS_MAX: usize = 16;
 /// A trouble has so many bytes at most on the wire.
 const TROUBLE_BYTES_MAX: usize = 200;
@@ -167,9 +167,13 @@ impl Runs {
         Some(words)
     }
 
+    /// Forgets the lowest runs that are too many; whatever tasks are given, not one that is under way.
     fn forget(&mut self) {
         while self.0.len() > RUNS_MAX {
-            self.0.pop_first();
+            let is_under_way = |known: &Run| known.is_begun && known.end.is_none();
+            let least = self.0.iter().min_by_key(|(run, known)| (is_under_way(known), **run));
+            let Some(run) = least.map(|(run, _)| *run) else { return };
+            self.0.remove(&run);
         }
     }
 }
@@ -206,6 +210,18 @@ mod tests {
         }
         assert_eq!(ends(&runs).first(), Some(&(5, Some(RunEnd::Stopped))));
         assert_eq!(ends(&runs).len(), 16);
+    }
+
+    #[test]
+    fn tasks_of_runs_to_come_push_out_none_that_is_under_way() {
+        let mut runs = Runs::default();
+        runs.open(RunId(1), None, |_| false);
+        (100..200).for_each(|run| runs.take(&task(run, TaskKind::Browse)));
+        assert_eq!(ends(&runs).len(), 16);
+        runs.end(RunId(1), RunEnd::Done, "");
+        assert_eq!(ends(&runs)[0], (1, Some(RunEnd::Done)));
+        runs.take(&task(200, TaskKind::Browse));
+        assert_eq!(ends(&runs)[0], (185, None), "it is over");
     }
 
     #[test]

@@ -76,6 +76,25 @@ fn a_plan_that_was_left_is_left_until_a_newer_one_is_adopted() {
 }
 
 #[test]
+fn a_revision_that_nobody_gives_any_more_keeps_nobody_from_going_on() {
+    let both = |revision| Plan { members: vec![VehicleId(1), VehicleId(2)], ..edition(revision, 0) };
+    for (heard_s, goes_on) in [(14.9, false), (15.0, true)] {
+        let mut plan = followed(2);
+        plan.offer(at(0.0), &both(900));
+        assert!(plan.enter_next(0.0, false).is_none());
+        plan.offer(at(heard_s), &edition(2, 2));
+        assert_eq!(plan.enter_next(0.0, false).is_some(), goes_on, "{heard_s} s");
+        // As long as it is given it counts.
+        let mut given = followed(2);
+        for second in 0..60_u32 {
+            given.offer(at(f64::from(second)), &both(900));
+            given.offer(at(f64::from(second)), &edition(2, 2));
+        }
+        assert!(given.enter_next(0.0, false).is_none());
+    }
+}
+
+#[test]
 fn a_plan_that_is_not_taken_is_said_once_and_why() {
     let mut plan = followed(1);
     let far = edition(3, 20);

@@ -298,10 +298,9 @@ fn kernel(again_s: f64) -> (Kernel, u64) {
     let stays = Duration::from_secs(3000);
     let first = vec![delay(Duration::from_secs(2)), begins(Some(RunId(1))), delay(stays)];
     let at = |at_s: f64| vec![delay(Duration::from_secs_f64(at_s)), begins(None), delay(stays)];
-    // A start lifts eight stops; what stands for the others is left to another one. A start that has the number of one of
-    // the ground station's, which was given up for a stop, is taken for that one.
-    let again = [(3, 0.0), (4, 6.0), (5, 12.0)]
-        .map(|(number, after_s)| operator(&scenario, number, at(again_s + after_s)));
+    // A start lifts eight stops; what stands for the others is left to another one.
+    let again =
+        [(3, 0.0), (4, 6.0)].map(|(number, after_s)| operator(&scenario, number, at(again_s + after_s)));
     parts.operators = [operator(&scenario, 0, first)].into_iter().chain(again).collect();
     (Kernel::new(parts), scenario.sim().venue.hash())
 }
