@@ -129,11 +129,12 @@ impl PlannedFault {
             let means = "charge of the battery from then on; for `battery` only";
             to.number(charge, Number { name: "charge", default: 0.1, allowed: 0.0..=1.0, means });
         }
-        let moment = |name, left_out, means| Bounds { name, left_out, allowed: 0.0..=1e6, means };
-        to.needed_number(at_s, moment("at_s", "needed", "when it begins"));
+        // A restart at the last moment is still over.
+        let moment = |name, left_out, means, most| Bounds { name, left_out, allowed: 0.0..=most, means };
+        to.needed_number(at_s, moment("at_s", "needed", "when it begins", 1e6));
         to.maybe_number(
             until_s,
-            moment("until_s", "for good", "when it is over; a `restart` takes 3 s by itself"),
+            moment("until_s", "for good", "when it is over; a `restart` takes 3 s by itself", 2e6),
         );
         let means = "whether it hits the ground station; for `bus`, `restart` and `dead` only";
         to.flag(ground, Flag { name: "ground", default: false, means });
