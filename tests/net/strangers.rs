@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 
 use tomoswarm_proto::{
     Boot, Deviation, Heading, Hello, LayerId, Message, Mode, Permille, PoseReport, Position, Sample, Samples,
-    State, TILE_CELLS, TileAddress, TileReport, VehicleId, codec,
+    Sender, State, TILE_CELLS, TileAddress, TileReport, VehicleId, codec,
 };
 
 use crate::raw::{Shows, Stranger};
@@ -213,7 +213,7 @@ fn another_version_of_the_wire_or_another_venue_is_refused_on_both_sides() {
     swarm.write("other.toml", &venue.replace("area_m = [0, 0, 6, 6]", "area_m = [0, 0, 6, 6.5]"));
     swarm.write("elsewhere.toml", &text);
     swarm.spawn("elsewhere", &["vehicle", "elsewhere.toml"]);
-    let (code, said) = swarm.ended("elsewhere", Duration::from_secs(10));
+    let (code, said) = swarm.ended("elsewhere", Duration::from_secs(30));
     assert!(code == Some(2) && said.contains("another venue file"), "{code:?} {said}");
     // A node of the next version, of which only the greeting can be read.
     let hello = Message::Hello(Hello {
@@ -225,18 +225,20 @@ fn another_version_of_the_wire_or_another_venue_is_refused_on_both_sides() {
     let mut next = frame(&hello);
     next[2] = codec::VERSION + 1;
     next.extend([1, 2, 3]);
-    let said_both = Instant::now() + Duration::from_secs(5);
-    while Instant::now() < said_both {
+    let version = format!("vehicle 9 is refused: wire version {}", codec::VERSION + 1);
+    let refuses = |node| swarm.log_of(node).contains(&version);
+    // It is answered, so that it can say the same.
+    let is_answered =
+        |node: Sender| stranger.heard().contains_key(&format!("{PREFIX}/{}/hello", node.prefix()));
+    let mut left = vec![GROUND, vehicle(1), vehicle(2)];
+    // On a busy machine each of them may be late.
+    let limit = Instant::now() + Duration::from_secs(20);
+    while !left.is_empty() {
         stranger.insist(&format!("{PREFIX}/vehicle/9/hello"), &next);
         std::thread::sleep(Duration::from_millis(200));
-    }
-    for node in [GROUND, vehicle(1), vehicle(2)] {
-        let said = swarm.log_of(node);
-        let version = format!("vehicle 9 is refused: wire version {}", codec::VERSION + 1);
-        assert!(said.contains(&version), "{node}: {said}");
-        // It is answered, so that it can say the same.
-        let hello = format!("{PREFIX}/{}/hello", node.prefix());
-        assert!(stranger.heard().contains_key(&hello), "{hello} was not heard");
+        left.retain(|node| !refuses(*node) || !is_answered(*node));
+        let said = || left.iter().map(|node| swarm.log_of(*node)).collect::<String>();
+        assert!(Instant::now() < limit, "refused or not answered by {left:?}: {}", said());
     }
     // It has left with the first objection, that of the node that it connected to.
     assert!(swarm.log_of(GROUND).contains("vehicle 3 is refused: another venue file"));

@@ -9,7 +9,7 @@ use super::super::fleet::Member;
 use super::super::imager::{Job, Subject};
 use super::super::planner::{Answer, Request};
 use super::{Note, Out, Phase, PictureName, Station, Sweep};
-use crate::sweep::{Succession, VehicleProgress};
+use crate::sweep::Succession;
 use crate::time::Time;
 
 /// Plans are repeated this often until every vehicle shows them.
@@ -214,7 +214,8 @@ impl Station {
     pub(super) fn look_after_laps(&mut self, now: Time, out: &mut Vec<Out>) {
         let Phase::Running(sweep, laps) = &self.phase else { return };
         let (mut sweep, wanted) = (*sweep, laps.len());
-        let done = laps.iter().take_while(|lap| self.is_done(sweep, lap)).count();
+        let known = sweep.laps_done.saturating_sub(sweep.laps_before);
+        let done = known + laps.iter().skip(known).take_while(|lap| self.is_done(sweep, lap)).count();
         let finished = done == wanted;
         if sweep.laps_before + done > sweep.laps_done {
             sweep.laps_done = sweep.laps_before + done;
@@ -233,18 +234,19 @@ impl Station {
         }
     }
 
-    /// Returns whether every vehicle has done its last stop of a lap, under the present plans.
+    /// Returns whether every vehicle has done its last stop of a lap, under the present plans. Stops come in the order of a
+    /// plan, which is not that of their numbers.
     fn is_done(&self, sweep: Sweep, lap: &[(VehicleId, StopId)]) -> bool {
-        let plan = self.succession.iter().flat_map(Succession::plans).next();
-        let present = plan.map(|plan| (sweep.run, plan.revision));
+        let plans = || self.succession.iter().flat_map(Succession::plans);
         lap.iter().all(|(vehicle, stop)| {
-            self.fleet.members().any(|(id, member)| {
-                let of_present =
-                    |progress: &VehicleProgress| Some((progress.run, progress.revision)) == present;
-                let progress = member.progress().filter(of_present);
-                id == *vehicle
-                    && progress.and_then(|progress| progress.done).is_some_and(|done| done >= *stop)
-            })
+            let plan = plans().find(|plan| plan.vehicle == *vehicle);
+            let member = self.fleet.members().find(|(id, _)| id == vehicle);
+            let progress = member.and_then(|(_, member)| member.progress());
+            let (Some(plan), Some(progress)) = (plan, progress) else { return false };
+            let place = |stop: StopId| plan.stops.iter().position(|known| known.id == stop);
+            let is_present = (progress.run, progress.revision) == (sweep.run, plan.revision);
+            let last = place(*stop);
+            is_present && last.is_some() && progress.done.and_then(place) >= last
         })
     }
 

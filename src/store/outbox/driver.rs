@@ -354,6 +354,11 @@ mod tests {
         let (driver, events) = start(&path);
         (0..100).for_each(|sequence| driver.keep(RunId(1), sample(sequence)));
         assert_eq!(kept(&events, 100).len(), 100);
+        // What is told is counted a moment later.
+        let patience = Instant::now() + Duration::from_secs(10);
+        while driver.health().not_durable < 100 && Instant::now() < patience {
+            std::thread::sleep(Duration::from_millis(1));
+        }
         let health = driver.health();
         assert_eq!(health.not_durable, 100);
         driver.recall(None);
