@@ -10,7 +10,7 @@
 //! Every frame travels with its CRC-32 beside it (zenoh's attachment, 4 bytes, little endian): TCP's own checksum lets damage
 //! through, and what is damaged may read as another message. A frame without one is read as it is.
 //!
-//! One thread keeps the session: it opens it, opens it anew when it has become deaf ([`hearing`]) or a thread of the library
+//! One thread keeps the session: it opens it, opens it anew when it has become deaf (`bus/hearing.rs`) or a thread of the library
 //! has panicked, and sends what has waited.
 
 mod hearing;
