@@ -237,7 +237,7 @@ impl Outbox {
         self.fresh.insert(place, sample);
     }
 
-    /// Gives up to where the ground has the samples of a source.
+    /// Returns up to where the ground has the samples of a source.
     fn below(&self, source: Source) -> Option<u64> {
         self.marks.get(&source).map(|mark| mark.below)
     }
@@ -301,7 +301,7 @@ impl Outbox {
         }
     }
 
-    /// Gives the sources of which a store was believed to have something, and which it does not name though it names all.
+    /// Returns the sources of which a store was believed to have something, and which it does not name though it names all.
     fn not_named(&self, have: &Have) -> Vec<HeardFrom> {
         let tells_all = have.watermarks.len() < WATERMARKS_ALWAYS;
         let nothing =

@@ -371,7 +371,7 @@ impl Follower {
         self.plan().map(edition_of)
     }
 
-    /// Gives run and revision of the plans that are being collected, newer than those followed.
+    /// Returns run and revision of the plans that are being collected, newer than those followed.
     pub fn pending_edition(&self) -> Option<(RunId, Revision)> {
         self.pending.values().next().map(edition_of)
     }

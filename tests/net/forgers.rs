@@ -7,12 +7,13 @@ use std::time::{Duration, Instant};
 
 use tomoswarm_proto::{
     Boot, Digest, Have, HeardFrom, Key, LayerDigest, LayerId, Lease, Message, Mission, OperatorId, Order,
-    OrderKind, Ordered, Plan, PoseReport, Position, Progress, Report, Revision, RunEnd, RunId, Sample,
-    Samples, Sender, State, StationPhase, StopId, TILE_CELLS, TileAddress, TileReport, VehicleId, codec,
+    OrderKind, Ordered, Plan, PoseReport, Position, Progress, Report, Revision, RunEnd, RunId, Samples,
+    Sender, State, StationPhase, StopId, TILE_CELLS, TileAddress, TileReport, VehicleId, codec,
 };
 
 use crate::member::within;
 use crate::raw::{Shows, Stranger};
+use crate::strangers::sample;
 use crate::swarm::{GROUND, Size, Swarm, vehicle};
 
 const PREFIX: &str = "tomoswarm/courtyard";
@@ -44,17 +45,13 @@ fn of_vehicle(id: VehicleId, turn: u64) -> Vec<Message> {
     let later_plan = Mission { vehicle: id, boot, progress, ..Mission::default() };
     let highest_plan = Mission { lease_number: u32::MAX, ..later_plan };
     let progress_of_last_start = Mission { boot: Boot(u32::MAX), ..later_plan };
-    let sample = Sample {
-        sequence: u64::MAX - 1 - turn,
-        heard_at_ns: 1,
-        transmitter: VehicleId(1),
-        transmitter_pose: PoseReport::default(),
-        receiver_pose: PoseReport::default(),
-        channel: 15,
-        power_dbm: 0,
-        rssi_dbm: Some(-50),
+    let samples = Samples {
+        vehicle: id,
+        boot,
+        run: RunId(1),
+        samples: vec![sample(u64::MAX - 1 - turn)],
+        lost: vec![],
     };
-    let samples = Samples { vehicle: id, boot, run: RunId(1), samples: vec![sample], lost: vec![] };
     let layer = LayerId { vehicle: id, boot };
     let held = LayerDigest { layer, tiles: u32::MAX, revisions: u64::MAX, hash: 7 };
     let cells = Arc::new([127; TILE_CELLS]);
@@ -122,7 +119,7 @@ fn forge(stranger: &Stranger, real: &Report, turn: u64) {
     of_ground(real).iter().for_each(|message| say(GROUND, message));
 }
 
-/// Gives the runs that the ground station says to be done.
+/// Returns the runs that the ground station says to be done.
 fn done(swarm: &Swarm) -> Vec<RunId> {
     swarm.look(|watch| {
         let reports = watch.view.grounds().map(|report| &report.value);

@@ -50,6 +50,20 @@ fn state(id: u8, boot: u32, sequence: u64) -> Message {
     })
 }
 
+/// A sample that nobody has measured.
+pub fn sample(sequence: u64) -> Sample {
+    Sample {
+        sequence,
+        heard_at_ns: 1,
+        transmitter: VehicleId(1),
+        transmitter_pose: PoseReport::default(),
+        receiver_pose: PoseReport::default(),
+        channel: 15,
+        power_dbm: 0,
+        rssi_dbm: Some(-50),
+    }
+}
+
 /// Returns one message of each kind that makes those who keep it grow.
 fn flood(number: u32) -> [(String, Message); 3] {
     let me = VehicleId(9);
@@ -60,17 +74,7 @@ fn flood(number: u32) -> [(String, Message); 3] {
     // Cells that do not repeat, so that the frame is long.
     let cells = std::sync::Arc::new(std::array::from_fn::<i8, TILE_CELLS, _>(|cell| (cell * 37 % 90) as i8));
     let tile = TileReport { layer, address, revision: 1, cells };
-    let sample = Sample {
-        sequence: 0,
-        heard_at_ns: 1,
-        transmitter: VehicleId(1),
-        transmitter_pose: PoseReport::default(),
-        receiver_pose: PoseReport::default(),
-        channel: 15,
-        power_dbm: 0,
-        rssi_dbm: Some(-50),
-    };
-    let samples = (0..60).map(|sequence| Sample { sequence, ..sample }).collect();
+    let samples = (0..60).map(sample).collect();
     let batch =
         Samples { vehicle: me, boot: Boot(number), run: tomoswarm_proto::RunId(1), samples, lost: vec![] };
     let key = format!("tile/9/{}/0/{}/{}", number / 7, address.x, address.y);

@@ -31,7 +31,7 @@ const SKIPS_MAX: u32 = 16;
 const LOOK_STOPS: usize = 8;
 /// A revision that was not heard for so long while an earlier one is given is nobody's: a ground station says its newest
 /// one alone, and no plan is that long on its way.
-const VOID_AFTER: Duration = Duration::from_secs(15);
+const UNHEARD_AFTER: Duration = Duration::from_secs(15);
 
 /// The plan that a vehicle follows, or may follow.
 #[derive(Debug, Serialize, Deserialize)]
@@ -181,7 +181,7 @@ impl GroundPlan {
         let edition = (plan.run, plan.revision);
         match follower.pending_edition() {
             Some(pending) if edition < pending => {
-                if now.since(self.pending_at) >= VOID_AFTER {
+                if now.since(self.pending_at) >= UNHEARD_AFTER {
                     follower.give_up_pending();
                     self.pending_at = now;
                 }
