@@ -11,10 +11,12 @@
 //! through, and what is damaged may read as another message. A frame without one is read as it is.
 //!
 //! One thread keeps the session: it opens it, opens it anew when it has become deaf (`bus/hearing.rs`) or a thread of the library
-//! has panicked, and sends what has waited.
+//! has panicked, and sends what has waited. Another one asks the library to whom there are links (`bus/links.rs`). The library
+//! is never called with a lock of ours held: it may call us, or wait, with locks of its own.
 
 mod hearing;
 mod library_panics;
+mod links;
 mod session_id;
 mod zenoh_config;
 
@@ -29,10 +31,10 @@ use tomoswarm_proto::{Key, Message, Sender};
 use zenoh::Wait;
 use zenoh::qos::{CongestionControl, Priority};
 use zenoh::sample::Locality;
-use zenoh::session::ZenohId;
 
 use self::hearing::{Hearing, WhyAnew};
 use self::library_panics::{PanicsSeen, guarded};
+use self::links::Links;
 use super::clock::Clock;
 use super::mailbox::{Troubles, lock};
 use super::subjects;
@@ -48,7 +50,7 @@ use crate::time::Time;
 
 /// Between two tries to open a session.
 const RETRY: Duration = Duration::from_millis(300);
-/// The keeper looks at the session this often when there is nothing to send.
+/// The keeper looks at what was heard this often when there is nothing to send.
 const LOOKS_EVERY: Duration = Duration::from_secs(1);
 /// A session that does not close within this time is left alone.
 const CLOSES_WITHIN: Duration = Duration::from_secs(1);
@@ -148,6 +150,7 @@ type Subscriber = dyn Fn(Option<Heard>, Verdict) + Send + Sync;
 /// A node's part of the bus.
 pub struct Bus {
     shared: Arc<Shared>,
+    links: Links,
     keeper: Option<JoinHandle<()>>,
 }
 
@@ -223,14 +226,16 @@ impl Bus {
         if shared.is_hub() {
             shared.open_session()?;
         }
+        let weak = Arc::downgrade(&shared);
+        let links = Links::watch(move || weak.upgrade()?.look())?;
         let of_keeper = shared.clone();
         let keeper = std::thread::Builder::new().name("bus".to_owned()).spawn(move || of_keeper.keep_on())?;
-        Ok(Bus { shared, keeper: Some(keeper) })
+        Ok(Bus { shared, links, keeper: Some(keeper) })
     }
 
     /// Gives a handle by which messages are published from any thread.
     pub fn mouth(&self) -> Mouth {
-        Mouth { shared: self.shared.clone() }
+        Mouth { shared: self.shared.clone(), links: self.links.clone() }
     }
 
     /// Leaves the bus: what waits is dropped.
@@ -261,6 +266,7 @@ impl Drop for Bus {
 #[derive(Clone)]
 pub struct Mouth {
     shared: Arc<Shared>,
+    links: Links,
 }
 
 impl Mouth {
@@ -313,9 +319,9 @@ impl Mouth {
         }
     }
 
-    /// Gives how many nodes this one has a link to.
+    /// Returns how many nodes this one has a link to; in a star the hub is told of none. It never waits long for it.
     pub fn links(&self) -> usize {
-        self.shared.linked().len()
+        self.links.count()
     }
 }
 
@@ -390,16 +396,15 @@ impl Shared {
     /// Opens the session anew whenever it is gone or deaf, and sends what has waited.
     fn keep(self: &Arc<Self>) {
         let mut panics = PanicsSeen::default();
-        let mut looked = self.clock.now();
         while !self.is_closing.load(Ordering::Relaxed) {
-            if !self.has_session() {
+            if self.session().is_none() {
                 if let Err(error) = self.open_session() {
                     self.troubles.raise("bus", error.to_string());
                     self.wait_for_more(RETRY);
                     continue;
                 }
                 self.troubles.clear("bus");
-            } else if let Some(why) = self.why_anew(&mut looked) {
+            } else if let Some(why) = self.why_anew() {
                 tracing::info!("the bus's session is opened anew: {why}");
                 self.close_session();
                 continue;
@@ -413,29 +418,29 @@ impl Shared {
         self.close_session();
     }
 
-    fn has_session(&self) -> bool {
-        self.session.read().unwrap_or_else(PoisonError::into_inner).is_some()
+    /// Returns the session that is open, to be called without the lock.
+    fn session(&self) -> Option<zenoh::Session> {
+        self.session.read().unwrap_or_else(PoisonError::into_inner).clone()
     }
 
-    /// Returns why the session is to be opened anew, looking at it now and then.
-    fn why_anew(&self, looked: &mut Time) -> Option<WhyAnew> {
-        let now = self.clock.now();
-        if now.since(*looked) < LOOKS_EVERY {
+    /// Returns why the session is to be opened anew. The lock is held for this moment only.
+    fn why_anew(&self) -> Option<WhyAnew> {
+        lock(&self.hearing).why_anew(self.clock.now())
+    }
+
+    /// Asks the library to whom there are links, and returns to how many; `None` = the bus is closed.
+    fn look(&self) -> Option<usize> {
+        if self.is_closing.load(Ordering::Relaxed) {
             return None;
         }
-        *looked = now;
-        let prefix = &self.settings.prefix;
-        let links: Vec<Sender> =
-            self.linked().into_iter().filter_map(|id| session_id::node_of(id, prefix)).collect();
-        lock(&self.hearing).look(now, &links)
-    }
-
-    /// Returns the names of the sessions to which there is a link. In a star the hub is told of none.
-    fn linked(&self) -> Vec<ZenohId> {
-        let session = self.session.read().unwrap_or_else(PoisonError::into_inner);
-        let Some(session) = &*session else { return Vec::new() };
-        let info = session.info();
-        guarded(|| info.peers_zid().wait().chain(info.routers_zid().wait()).collect()).unwrap_or_default()
+        let ids = self.session().and_then(|session| {
+            let info = session.info();
+            guarded(|| info.peers_zid().wait().chain(info.routers_zid().wait()).collect::<Vec<_>>())
+        });
+        let ids = ids.unwrap_or_default();
+        let nodes = ids.iter().filter_map(|id| session_id::node_of(*id, &self.settings.prefix));
+        lock(&self.hearing).link(self.clock.now(), &nodes.collect::<Vec<_>>());
+        Some(ids.len())
     }
 
     fn close_session(&self) {
@@ -477,8 +482,7 @@ impl Shared {
     }
 
     fn send(&self, frame: OutboundFrame) {
-        let session = self.session.read().unwrap_or_else(PoisonError::into_inner);
-        let Some(session) = session.as_ref().filter(|_| !self.is_broken.load(Ordering::Relaxed)) else {
+        let Some(session) = self.session().filter(|_| !self.is_broken.load(Ordering::Relaxed)) else {
             return;
         };
         self.sent.fetch_add(1, Ordering::Relaxed);

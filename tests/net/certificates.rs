@@ -4,8 +4,9 @@
 use std::net::{SocketAddr, TcpListener};
 use std::path::{Path, PathBuf};
 use std::process::Command;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
+use tomoswarm::run::bus::BusSettings;
 use tomoswarm_proto::{Message, Sender, VehicleId, codec};
 
 use crate::member::{Member, progress, settings, within};
@@ -133,6 +134,39 @@ fn enrolled_clients_of_a_star_talk_through_the_ground_and_write_only_their_own_k
     let heard = ground.heard_of(vehicle(1));
     assert!(heard.iter().skip(mine).all(|heard| format!("{heard:?}").contains("RunId(1)")), "{heard:?}");
     assert!(one.heard_of(vehicle(1)).is_empty());
+}
+
+/// The library once let one thread write to a link's encryption while another one read from it: links broke, and processes died.
+#[test]
+fn a_link_with_certificates_carries_much_both_ways_at_once() {
+    let folder = tempfile::tempdir().unwrap();
+    let swarm = Enrolled::make(folder.path().join("swarm"), "mesh");
+    let without_budget =
+        |node: &str| Member::join(BusSettings { egress_bytes_per_s: u32::MAX, ..settings(&swarm.of(node)) });
+    let (one, two) = (without_budget("vehicle-1/vehicle.toml"), without_budget("ground/ground.toml"));
+    assert!(gets_through(&one, &progress(1, 1), &two, vehicle(1)), "nothing passes at all");
+    let until = Instant::now() + Duration::from_secs(8);
+    let floods = |member: &Member, message: Message| {
+        let mouth = member.mouth.clone();
+        std::thread::spawn(move || {
+            while Instant::now() < until {
+                (0..50).for_each(|_| mouth.publish(&message));
+                std::thread::sleep(Duration::from_millis(2));
+            }
+        })
+    };
+    let floods = [floods(&one, progress(1, 1)), floods(&two, Message::Report(Default::default()))];
+    let mut lost = 0;
+    while Instant::now() < until {
+        lost += u32::from(one.mouth.links() == 0 || two.mouth.links() == 0);
+        std::thread::sleep(Duration::from_millis(10));
+    }
+    floods.into_iter().for_each(|flood| flood.join().unwrap());
+    let came = [&one, &two].map(|member| member.mouth.traffic().taken + member.mouth.traffic().refused);
+    assert!(
+        lost == 0 && came.iter().all(|came| *came > 10_000),
+        "{lost} times without a link; {came:?} frames"
+    );
 }
 
 #[test]

@@ -89,12 +89,16 @@ impl Hearing {
         self.damaged = Some(now);
     }
 
-    /// Takes to whom there are links now; returns why the session is to be opened anew, which is then expected of the caller.
-    pub(super) fn look(&mut self, now: Time, links: &[Sender]) -> Option<WhyAnew> {
+    /// To these there are links now.
+    pub(super) fn link(&mut self, now: Time, links: &[Sender]) {
         self.linked.retain(|sender, _| links.contains(sender));
         for sender in links {
             self.linked.entry(*sender).or_insert(now);
         }
+    }
+
+    /// Returns why the session is to be opened anew, which is then expected of the caller.
+    pub(super) fn why_anew(&mut self, now: Time) -> Option<WhyAnew> {
         if self.is_alone(now) {
             return Some(WhyAnew::Nobody);
         }
@@ -160,7 +164,8 @@ mod tests {
         for second in seconds {
             let now = Time::from_nanos(second * 1_000_000_000);
             heard.iter().for_each(|sender| hearing.hear(now, *sender));
-            if let Some(why) = hearing.look(now, links) {
+            hearing.link(now, links);
+            if let Some(why) = hearing.why_anew(now) {
                 hearing.open(now);
                 all.push((second, why));
             }
