@@ -5,7 +5,7 @@ use tomoswarm_proto::codec::EncodeError;
 use super::from_config::GroundParts;
 use super::route::{Effect, Event};
 use super::station::Station;
-use super::wiring::{GroundWiring, Source};
+use super::{GroundWiring, Source};
 use crate::actor::{ActorStep, Fault, LocalNode, Snapshot};
 use crate::stops::StopsSettings;
 use crate::time::{Deadline, Time};

@@ -1,5 +1,8 @@
-//! The ground station: fleet, schedule and samples ([`station`]), the next stops ([`planner`]), the
-//! picture ([`imager`]), the list of them ([`wiring`]), and the one place that says who hears whom ([`route`]).
+//! The ground station: the list of its four actors and how each is made, for every runtime. Fleet, schedule and samples
+//! are the [`station`]'s, the next stops the [`planner`]'s, the picture the [`imager`]'s. Who hears whom says [`route`].
+//!
+//! Planner and imager may think for seconds; a fault of theirs is mended by a fresh one. A fault of the station ends the
+//! node: what it knows is in the store, and is read at the start.
 //!
 //! Like a vehicle it knows no device and no network: what reaches it is an [`Event`], what it wants
 //! done is an [`Effect`].
@@ -12,9 +15,119 @@ pub mod planner;
 pub mod route;
 mod samples;
 pub mod station;
-pub mod wiring;
+
+use self::from_config::GroundParts;
+use self::imager::Imager;
+use self::planner::Planner;
+use self::route::{Destination, Output, route};
+use self::station::Station;
+use crate::actor::{ActingTime, Fill, Place, Recipient, RestartPolicy, Visitor, Wire, Wiring};
+use crate::stops::{Stops, StopsSettings};
 
 pub use ground_node::GroundNode;
 pub use route::{Effect, Event};
 pub use samples::SampleStore;
-pub use wiring::GroundWiring;
+
+/// How a ground station is wired.
+#[derive(Debug)]
+pub enum GroundWiring {}
+
+/// A place for each actor of the ground station.
+#[derive(Clone, Debug)]
+pub struct Actors<P: Place<GroundWiring>> {
+    pub(crate) stops: P::Of<Stops>,
+    pub(crate) station: P::Of<Station>,
+    pub(crate) planner: P::Of<Planner>,
+    pub(crate) imager: P::Of<Imager>,
+}
+
+/// What the actors are made from.
+#[derive(Debug)]
+pub struct Source {
+    /// What a station, a planner and an imager that begin are made from.
+    pub parts: GroundParts,
+    /// A station that goes on where an earlier one was; it is taken for the first one.
+    pub resumed: Option<Station>,
+    /// The emergency stops that its disk has kept.
+    pub stops: StopsSettings,
+}
+
+impl Source {
+    fn station(&mut self) -> Station {
+        self.resumed.take().unwrap_or_else(|| Station::new(self.parts.station.clone()))
+    }
+}
+
+impl Wiring for GroundWiring {
+    const KIND: &'static str = "ground";
+    type Source = Source;
+    type Event = Event;
+    type Effect = Effect;
+    type Output = Output;
+    type Destination = Destination;
+    type Actors<P: Place<Self>> = Actors<P>;
+
+    fn fill<P: Place<Self>>(fill: &mut impl Fill<Self, P>) -> Actors<P> {
+        Actors {
+            stops: fill.actor(Wire {
+                name: "stops",
+                restart: RestartPolicy::StopNode,
+                acting: ActingTime::Instant,
+                make: |source| Stops::new(&source.stops),
+                output: Output::Stops,
+            }),
+            station: fill.actor(Wire {
+                name: "station",
+                restart: RestartPolicy::StopNode,
+                acting: ActingTime::Short,
+                make: Source::station,
+                output: Output::Station,
+            }),
+            planner: fill.actor(Wire {
+                name: "planner",
+                restart: RestartPolicy::Restart,
+                acting: ActingTime::Long,
+                make: |source| source.parts.planner.clone(),
+                output: Output::Planner,
+            }),
+            imager: fill.actor(Wire {
+                name: "imager",
+                restart: RestartPolicy::Restart,
+                acting: ActingTime::Long,
+                make: |source| source.parts.imager.clone(),
+                output: Output::Imager,
+            }),
+        }
+    }
+
+    fn visit<P: Place<Self>>(actors: &mut Actors<P>, visitor: &mut impl Visitor<Self, P>) {
+        // Taken apart, so that none can be forgotten.
+        let Actors { stops, station, planner, imager } = actors;
+        visitor.actor::<Stops>(stops);
+        visitor.actor::<Station>(station);
+        visitor.actor::<Planner>(planner);
+        visitor.actor::<Imager>(imager);
+    }
+
+    fn event(event: Event) -> Output {
+        Output::Edge(event)
+    }
+
+    fn route(output: Output, to: &mut Vec<Destination>) {
+        route(output, to);
+    }
+
+    fn deliver<P: Recipient<Self>>(
+        actors: &mut Actors<P>,
+        destination: Destination,
+        carry_out: &mut impl FnMut(Effect),
+    ) {
+        match destination {
+            Destination::Stops(input) => P::tell::<Stops>(&mut actors.stops, input),
+            Destination::Station(input) => P::tell::<Station>(&mut actors.station, input),
+            Destination::Planner(input) => P::tell::<Planner>(&mut actors.planner, input),
+            Destination::Imager(input) => P::tell::<Imager>(&mut actors.imager, input),
+            Destination::Edge(effect) => carry_out(effect),
+        }
+    }
+}

@@ -1,16 +1,15 @@
 //! The eight actors of a vehicle with their inboxes, run together on one thread.
 //!
-//! This is how the simulator runs a vehicle. A live node runs the same actors on several threads: [`super::wiring`] says
+//! This is how the simulator runs a vehicle. A live node runs the same actors on several threads: [`super`] says
 //! which there are and [`super::route`] what goes where, in both.
 
 use tomoswarm_proto::codec::EncodeError;
 use tomoswarm_proto::{Boot, RunId, VehicleId};
 
-use super::Settings;
 use super::mission::Mission;
 use super::radio::Radio;
 use super::route::{Effect, Event};
-use super::wiring::VehicleWiring;
+use super::{Settings, VehicleWiring};
 use crate::actor::{ActorStep, Fault, LocalNode, Snapshot};
 use crate::map::Merged;
 use crate::time::{Deadline, Time};

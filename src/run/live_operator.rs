@@ -4,9 +4,9 @@
 use super::bus::Heard;
 use super::operator_session::Session;
 use crate::actor::Fault;
+use crate::operator::OperatorNode;
 use crate::operator::fleet_view::FleetView;
 use crate::operator::operator_actor::{In, OperatorSettings, Out};
-use crate::operator::wiring::OperatorNode;
 use crate::time::Time;
 
 /// Messages taken before whoever shows the operator has its turn.

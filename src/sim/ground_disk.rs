@@ -5,9 +5,9 @@ use std::collections::BTreeMap;
 
 use tomoswarm_proto::{LayerId, Message, Samples, Standing, TileAddress, TileReport};
 
+use crate::ground::Source;
 use crate::ground::from_config::GroundParts;
 use crate::ground::station::{Memory, Station};
-use crate::ground::wiring::Source;
 use crate::stops::StopsSettings;
 
 /// What a ground station that is started anew goes on from.

@@ -6,9 +6,9 @@ use tomoswarm_proto::{Interest, OperatorId};
 use super::Kernel;
 use crate::actor::Fault;
 use crate::exchange::ingress::Heard;
+use crate::operator::OperatorNode;
 use crate::operator::operator_actor::{In, OperatorSettings, Out};
 use crate::operator::script::{ScriptEnd, Step};
-use crate::operator::wiring::OperatorNode;
 use crate::sim::operator_script::{PERSONS_ENTER, SCENARIO_OPERATOR};
 
 /// An operator in the simulation.

@@ -9,7 +9,7 @@ use super::message::{self, MessageError};
 use crate::actor::{Actor, ActorStep, Fill, Names, NodeActor, Wire, Wiring, again};
 use crate::ground::GroundWiring;
 use crate::node::VehicleWiring;
-use crate::operator::wiring::OperatorWiring;
+use crate::operator::OperatorWiring;
 use crate::time::Time;
 
 /// What one step came out as; `None` when as recorded.

@@ -1,0 +1,64 @@
+//! Who hears whom inside an operator: the only place that knows.
+
+use tomoswarm_proto::Message;
+
+use super::Heard;
+use super::operator_actor::{In, Out};
+use crate::stops;
+
+/// Whatever is said inside the operator or at its edge.
+#[derive(Debug)]
+pub enum Output {
+    /// From outside.
+    Edge(In),
+    /// By the keeper of the emergency stops.
+    Stops(stops::Out),
+    /// By the operator.
+    Operator(Out),
+}
+
+/// Where it goes.
+#[derive(Debug)]
+pub enum Destination {
+    /// To the keeper of the emergency stops.
+    Stops(stops::In),
+    /// To the operator.
+    Operator(In),
+    /// To the outside.
+    Edge(Out),
+}
+
+/// Says where something goes.
+pub(super) fn route(output: Output, to: &mut Vec<Destination>) {
+    match output {
+        Output::Edge(event) => {
+            to.extend(for_stops(&event).map(Destination::Stops));
+            to.push(Destination::Operator(event));
+        }
+        Output::Stops(stops::Out::Publish(standing)) => {
+            to.push(Destination::Edge(Out::Publish(Message::Standing(standing))));
+        }
+        Output::Stops(stops::Out::Remark(remark)) => to.push(Destination::Edge(Out::StopsNote(remark))),
+        // The operator hears for itself who knows which stops.
+        Output::Stops(stops::Out::Open(_) | stops::Out::Heard(_) | stops::Out::Remember(_)) => {}
+        Output::Operator(Out::Give(given)) => to.push(Destination::Stops(stops::In::Give(given))),
+        Output::Operator(said) => to.push(Destination::Edge(said)),
+    }
+}
+
+/// Returns what the keeper of the emergency stops is told of what comes from outside.
+fn for_stops(event: &In) -> Option<stops::In> {
+    match event {
+        In::Bus(Heard::Message(sender, Message::Standing(standing))) => {
+            Some(stops::In::Standing(*sender, standing.clone()))
+        }
+        In::Linked(true) => Some(stops::In::Linked),
+        In::Bus(_)
+        | In::Linked(false)
+        | In::Want(..)
+        | In::Stop(..)
+        | In::Withdraw(_)
+        | In::Follow(_)
+        | In::CueDone => None,
+    }
+}
