@@ -346,6 +346,11 @@ impl Follower {
         self.newer_revision().is_none() && self.adopted.as_ref().is_some_and(ended)
     }
 
+    /// Returns how many stops of the own plan are done, and how many it has; none of none before the first plan.
+    pub fn stops_done(&self) -> (usize, usize) {
+        self.adopted.as_ref().map_or((0, 0), |adopted| (adopted.done, adopted.stops().len()))
+    }
+
     /// Gives the own plan of the revision followed.
     pub fn plan(&self) -> Option<&Plan> {
         self.adopted.as_ref().map(|adopted| &adopted.plans[adopted.own])

@@ -243,10 +243,13 @@ impl Station {
             let member = self.fleet.members().find(|(id, _)| id == vehicle);
             let progress = member.and_then(|(_, member)| member.progress());
             let (Some(plan), Some(progress)) = (plan, progress) else { return false };
-            let place = |stop: StopId| plan.stops.iter().position(|known| known.id == stop);
             let is_present = (progress.run, progress.revision) == (sweep.run, plan.revision);
-            let last = place(*stop);
-            is_present && last.is_some() && progress.done.and_then(place) >= last
+            // From the first of the two on: that must be the lap's last stop, with the one that is done at it or behind it.
+            let mut stops = plan.stops.iter().map(|known| known.id);
+            let first = stops.find(|id| id == stop || Some(*id) == progress.done);
+            let is_done =
+                first == Some(*stop) && first.into_iter().chain(stops).any(|id| Some(id) == progress.done);
+            is_present && is_done
         })
     }
 

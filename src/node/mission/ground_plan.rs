@@ -105,9 +105,7 @@ impl GroundPlan {
 
     /// Returns how many stops of the plan are done, and how many it has; none of none while there is no plan.
     pub fn stops_done(&self) -> (usize, usize) {
-        let Some(plan) = self.follower.as_ref().and_then(Follower::plan) else { return (0, 0) };
-        let last = plan.stops.iter().position(|stop| Some(stop.id) == self.said.done);
-        (last.map_or(0, |last| last + 1), plan.stops.len())
+        self.follower.as_ref().map_or((0, 0), Follower::stops_done)
     }
 
     /// Returns whether all stops of a plan are done.
