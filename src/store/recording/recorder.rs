@@ -10,7 +10,7 @@
 
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
-use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, sync_channel};
+use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
@@ -24,9 +24,11 @@ use crate::time::Time;
 
 /// Steps and snapshots that may wait to be written.
 const QUEUE: usize = 4096;
+/// So many are written before the thread looks for anything else.
+const BATCH: usize = 256;
 /// All is written out this often.
 const FLUSH_EVERY: Duration = Duration::from_millis(500);
-/// The thread looks up this often, when nothing comes.
+/// The thread looks this often whether there is something to write.
 const LOOK_EVERY: Duration = Duration::from_millis(100);
 /// After this long it is tried again to write.
 const RETRY_AFTER: Duration = Duration::from_secs(10);
@@ -174,12 +176,11 @@ impl Writing {
         let mut flush_at = Instant::now() + FLUSH_EVERY;
         loop {
             let is_ended = self.shared.is_ended.load(Ordering::Acquire);
-            let wait = if is_ended { Duration::ZERO } else { LOOK_EVERY };
-            let written = match receiver.recv_timeout(wait) {
-                Ok(sent) => self.write(&sent),
-                Err(RecvTimeoutError::Timeout | RecvTimeoutError::Disconnected) if is_ended => break,
-                Err(RecvTimeoutError::Timeout | RecvTimeoutError::Disconnected) => Ok(()),
-            };
+            let waiting: Vec<Sent> = receiver.try_iter().take(BATCH).collect();
+            if is_ended && waiting.is_empty() {
+                break;
+            }
+            let written = waiting.iter().try_for_each(|sent| self.write(sent));
             let now = Instant::now();
             let kept = written.and_then(|()| if now >= flush_at { self.flush() } else { Ok(()) });
             if now >= flush_at {
@@ -190,6 +191,10 @@ impl Writing {
             }
             if self.flight.is_none() && retry_at.is_none_or(|at| now >= at) {
                 retry_at = self.begin();
+            }
+            // It is not woken for every step: a node at rest would do little else.
+            if waiting.len() < BATCH && !is_ended {
+                std::thread::sleep(LOOK_EVERY);
             }
         }
         if let Some(Err(error)) = self.flight.take().map(Flight::end) {
