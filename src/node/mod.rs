@@ -24,7 +24,6 @@ pub mod vehicle;
 mod vehicle_node;
 pub mod wiring;
 
-pub use crate::config::Task;
 pub use memory::{Memory, Remembered};
 pub use own_state::OwnState;
 pub use route::{Effect, Event};
