@@ -46,7 +46,8 @@ pub enum TaskKind {
         /// How long it stays at most while it waits for a partner, milliseconds.
         dwell_limit_ms: u32,
     },
-    /// Straight from place to place, ending in front of what stands there.
+    /// Straight from place to place, ending in front of what stands there. The members begin at different places: the
+    /// first member at the first, the second at the second, and so on.
     Legs {
         /// The places, in order.
         places: Vec<Position>,
@@ -210,8 +211,7 @@ pub struct TaskLength {
 /// What of the places of a task is whose.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub enum PlaceSharing {
-    /// All are everybody's. The first member begins at the first, the second at the second, and so on, so that they do not all
-    /// head for the same one.
+    /// All are everybody's, and each member begins at another one in their order, so that they do not all head for the same.
     EachBeginsElsewhere,
     /// Each is one member's: the members take them in turn.
     InTurn,
