@@ -25,9 +25,10 @@ pub use message::{
     Capability, Control, Covariance, Digest, EmergencyStop, Estimator, FailsafeAction, Failsafes, Find, Fix,
     Have, Health, HeardFrom, Hello, IMAGE_PART_PIXELS, IMAGE_SIDE_MAX, Image, ImageSubject, Interest,
     LayerDigest, LegReport, LostSamples, Message, Mission, MissionEnd, MissionKind, MissionPhase,
-    MissionRefusal, Mode, Order, OrderKind, Ordered, Plan, Power, Progress, RadioHealth, RadioKind,
-    RangeHealth, RangeSensorKind, RecordingHealth, Rectangle, Report, RunEnd, RunReport, Sample, Samples,
-    SeenState, ServoKind, StandReason, Standing, State, StationPhase, Stop, StopScope, SweepPlanner,
-    TILE_CELLS, TILE_SIDE, Task, TaskKind, TileAddress, TileReport, WATERMARKS_ALWAYS, Want,
+    MissionRefusal, Mode, Order, OrderKind, Ordered, PlaceSharing, Plan, Power, Progress, RadioHealth,
+    RadioKind, RangeHealth, RangeSensorKind, RecordingHealth, Rectangle, Report, RunEnd, RunReport, Sample,
+    Samples, SeenState, ServoKind, StandReason, Standing, State, StationPhase, Stop, StopScope, SweepPlanner,
+    TASK_PLACES_MAX, TILE_CELLS, TILE_SIDE, Task, TaskKind, TaskLength, TaskParameter, TileAddress,
+    TileReport, WATERMARKS_ALWAYS, Want,
 };
 pub use units::{Deviation, Heading, Permille, PoseReport, Position, Tilt, Velocity};

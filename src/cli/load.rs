@@ -134,7 +134,7 @@ pub fn scenario(loaded: Loaded, file: Option<&Path>, seed: Option<u64>) -> Resul
     let refused = |reason| CliError::Input { path, reason };
     match Scenario::new(loaded.sim, loaded.shapes.shapes, seed) {
         Err(error) => Err(refused(error.to_string())),
-        Ok(scenario) if !scenario.sim().task.is_planned_by_ground() => Ok(scenario),
+        Ok(scenario) if !scenario.sim().is_planned_by_ground() => Ok(scenario),
         Ok(scenario) => match planned(&scenario) {
             Err(error) => Err(refused(format!("no sweep can be planned: {error}"))),
             Ok(_) => Ok(scenario),

@@ -199,7 +199,7 @@ impl OrderArgs {
         let GivenMission { task, sweep } =
             GivenMission::read(kind, &self.set, (venue, vehicles), &mut loader)?;
         let compare_with = self.compare_with.map(RunId);
-        Ok(Some(MissionWish { kind: task_kind(&task, &sweep), compare_with }))
+        Ok(Some(MissionWish { kind: task_kind(task, &sweep), compare_with }))
     }
 
     /// Returns what the operator is told.

@@ -249,7 +249,7 @@ impl Report {
 
 /// Returns how much of what can be seen vehicles have found that are not out for a sweep.
 fn seen(scenario: &Scenario, outcome: &Outcome) -> Result<Option<SeenCells>, ScenarioError> {
-    if scenario.sim().task.is_planned_by_ground() {
+    if scenario.sim().is_planned_by_ground() {
         return Ok(None);
     }
     let seen = Seen::find(scenario)?;
@@ -259,7 +259,7 @@ fn seen(scenario: &Scenario, outcome: &Outcome) -> Result<Option<SeenCells>, Sce
 /// Tells which images there are none of, and why.
 fn not_made(scenario: &Scenario, outcome: &Outcome) -> Vec<String> {
     let mut list = Vec::new();
-    if !scenario.sim().task.is_planned_by_ground() {
+    if !scenario.sim().is_planned_by_ground() {
         return list;
     }
     if outcome.change.is_none() {
@@ -307,7 +307,7 @@ pub fn write_data(folder: &mut OutputFolder, scenario: &Scenario, outcome: &Outc
 
 /// Gives how the missions ended, where vehicles have their own.
 fn missions(scenario: &Scenario, outcome: &Outcome) -> Vec<Mission> {
-    if scenario.sim().task.is_planned_by_ground() { Vec::new() } else { outcome.missions.clone() }
+    if scenario.sim().is_planned_by_ground() { Vec::new() } else { outcome.missions.clone() }
 }
 
 /// Says how a mission ended.

@@ -2,14 +2,16 @@
 //! `[sweep]`, each as `KEY=VALUE`. They go through the same reader as a file, with the same limits; mistakes are said of
 //! the option in which they stand.
 
+use tomoswarm_proto::TaskKind;
+
 use super::Loader;
-use super::keys::{Choice, Entry, Keyed, Keys, quoted, read_table};
+use super::keys::{Entry, Keyed, Keys, quoted, read_table};
 use super::mission::{Sweep, SweepTable, check_sweep};
 use super::problem::{Problem, Problems};
 use super::section::Section;
 use super::sim::check_task;
 use super::source::Source;
-use super::task::{Mission, MissionKind, Task};
+use super::task::Mission;
 use super::vehicle::SWARM;
 use super::venue::Venue;
 
@@ -21,8 +23,8 @@ const KEY_OPTION: &str = "--set";
 /// A mission as it was given.
 #[derive(Clone, PartialEq, Debug)]
 pub struct GivenMission {
-    /// What the vehicles are out for.
-    pub task: Task,
+    /// What the vehicles are out for; `None` = a sweep.
+    pub task: Option<TaskKind>,
     /// How it is swept, if it is a sweep.
     pub sweep: Sweep,
 }
@@ -30,7 +32,7 @@ pub struct GivenMission {
 impl GivenMission {
     /// Returns the words for the kinds of missions, in the order in which they are told.
     pub fn kinds() -> impl Iterator<Item = &'static str> {
-        MissionKind::WORDS.iter().map(|(word, _)| *word)
+        Mission::each().map(|(word, _)| word)
     }
 
     /// Reads a mission of a kind with its keys, each `KEY=VALUE`, for so many vehicles of a venue; `None` = for all,
@@ -44,10 +46,8 @@ impl GivenMission {
         (venue, vehicles): (&Venue, Option<usize>),
         loader: &mut Loader,
     ) -> Result<GivenMission, Problems> {
-        let is_planned = MissionKind::WORDS
-            .iter()
-            .find(|(word, _)| *word == kind)
-            .is_some_and(|(_, kind)| Mission { kind: *kind, ..Mission::default() }.is_planned_by_ground());
+        let is_planned =
+            Mission::each().any(|(word, mission)| word == kind && mission.is_planned_by_ground());
         let table = if is_planned { "sweep" } else { "mission" };
         let mut text = format!("mission.kind = {}\n", quoted(kind));
         for given in set {
@@ -86,8 +86,8 @@ fn read_text(
     read_table(&mut tables, &root);
     let Tables { mut mission, sweep } = tables;
     let task = mission.task(&source, Some(venue), loader);
-    check_task(&root, &task, venue);
-    if task.is_planned_by_ground() {
+    check_task(&root, task.as_ref(), venue);
+    if mission.is_planned_by_ground() {
         // Of all vehicles there are two at least.
         check_sweep(&source, &sweep, vehicles.unwrap_or(*SWARM.start()), mission.planner());
     }
@@ -138,7 +138,7 @@ fn of_options(kind: &str, set: &[String], problems: Problems) -> Problems {
 mod tests {
     use super::*;
     use crate::config::{Planner, bundled};
-    use crate::geom::Point;
+    use tomoswarm_proto::Position;
 
     fn read(kind: &str, set: &[&str]) -> Result<GivenMission, String> {
         let text = bundled::load(bundled::COURTYARD).unwrap();
@@ -157,21 +157,27 @@ mod tests {
     fn every_kind_of_a_file_is_a_kind_of_the_command_line_with_the_same_defaults() {
         for kind in GivenMission::kinds().filter(|kind| *kind != "waypoints") {
             let given = read(kind, &[]).unwrap();
-            assert_eq!(
-                given.task.is_planned_by_ground(),
-                ["sweep", "calibrate", "fan", "fan-straight"].contains(&kind)
-            );
+            let is_sweep = ["sweep", "calibrate", "fan", "fan-straight"].contains(&kind);
+            assert_eq!(given.task.is_none(), is_sweep, "{kind}");
         }
-        assert_eq!(read("forward", &[]).unwrap().task, Task::Forward(5.0));
+        assert_eq!(read("forward", &[]).unwrap().task, Some(TaskKind::Forward { distance_mm: 5000 }));
         assert_eq!(read("calibrate", &["positions=8"]).unwrap().sweep.planner, Planner::Calibrate);
     }
 
     #[test]
     fn keys_are_those_of_a_file_and_words_need_no_quotes() {
-        assert_eq!(read("forward", &["distance_m = 2.5"]).unwrap().task, Task::Forward(2.5));
-        let places = vec![Point::new(1.0, 1.0), Point::new(2.0, 1.0)];
+        let forward = read("forward", &["distance_m = 2.5"]).unwrap();
+        assert_eq!(forward.task, Some(TaskKind::Forward { distance_mm: 2500 }));
+        let places: Vec<Position> = [1.0, 2.0].map(|x_m| Position::from_metres(x_m, 1.0, 0.0)).to_vec();
         let given = read("pathfind", &["waypoints_m=[[1, 1], [2, 1]]"]).unwrap();
-        assert_eq!(given.task, Task::Pathfind(places));
+        assert_eq!(given.task, Some(TaskKind::Pathfind { places: places.clone() }));
+        let given = read("waypoints", &["waypoints_m=[[1, 1], [2, 1]]"]).unwrap();
+        assert_eq!(given.task, Some(TaskKind::Legs { places }));
+        assert_eq!(read("browse", &[]).unwrap().task, Some(TaskKind::Browse));
+        let corners = [(8.0, 12.0), (12.0, 12.0), (12.0, 8.0), (8.0, 8.0)];
+        let places = corners.map(|(x_m, y_m)| Position::from_metres(x_m, y_m, 0.0)).to_vec();
+        let given = read("pathfind", &["size_m=4"]).unwrap();
+        assert_eq!(given.task, Some(TaskKind::Pathfind { places }), "without places those of the square");
         let given = read("sweep", &["planner=fan", "laps=3", "dwell_s=2"]).unwrap();
         assert_eq!(
             (given.sweep.planner, given.sweep.laps, given.sweep.dwell_s),

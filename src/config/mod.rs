@@ -64,7 +64,7 @@ pub use range_driver::{LengthUnit, RangeDriver, SerialProtocol, SerialSensor, Se
 pub use scene::{Material, Object, Outline, Person, RandomPersons, SceneFile, Up};
 pub use sim::Sim;
 pub use swarm::Swarm;
-pub use task::{Mission, MissionKind, Task};
+pub use task::Mission;
 pub use vehicle::{Body, Craft, Flight, Safety, Vehicles};
 pub use vehicle_file::{PoseFile, Record, VehicleFile, World};
 pub use venue::{Datum, Venue};

@@ -4,7 +4,7 @@
 use std::ops::RangeInclusive;
 use std::time::Duration;
 
-use tomoswarm_proto::VehicleId;
+use tomoswarm_proto::{TaskKind, VehicleId};
 
 use super::fault::PlannedFault;
 use super::forms::Loaded;
@@ -18,7 +18,7 @@ use super::range::RangeSensor;
 use super::scene::{SceneFile, Up};
 use super::section::Section;
 use super::swarm::Swarm;
-use super::task::{Mission, Task};
+use super::task::Mission;
 use super::vehicle::{PARTY, SWARM, Safety, Vehicles, VehiclesTable, check_ceiling, seconds, sight};
 use super::venue::Venue;
 use super::{Loader, beside, read_kind_over};
@@ -48,8 +48,8 @@ pub struct Sim {
     pub bus: Bus,
     /// What the vehicles are out for, as it is written.
     pub mission: Mission,
-    /// What the vehicles are out for.
-    pub task: Task,
+    /// What the vehicles are out for; `None` = they follow the plans of the ground station.
+    pub task: Option<TaskKind>,
     /// How the sweep is driven.
     pub sweep: Sweep,
     /// Whether the same sweep is driven first without the persons.
@@ -88,6 +88,11 @@ impl Sim {
         sight(&vehicles.body, &range.look, safety, self.venue.cell_m, vehicles.pose_sd_m)
     }
 
+    /// Returns whether the ground station plans what the vehicles are out for.
+    pub fn is_planned_by_ground(&self) -> bool {
+        self.task.is_none()
+    }
+
     /// Returns when the run is given up, virtual time.
     pub fn until(&self) -> Duration {
         seconds(self.until_s)
@@ -106,7 +111,7 @@ impl Sim {
             radio: Radio::default(),
             bus: Bus::default(),
             mission: Mission::default(),
-            task: Task::default(),
+            task: None,
             sweep: Sweep::default(),
             empty_sweep: false,
             imaging: Imaging::default(),
@@ -325,11 +330,11 @@ fn check_margins(root: &Section<'_>, sim: &Sim) {
 fn check_places(root: &Section, sim: &Sim) {
     if root.source.is_sound(&["vehicles", "safety", "sweep"]) {
         check_homes(root, sim);
-        if sim.task.is_planned_by_ground() {
+        if sim.is_planned_by_ground() {
             check_ring(root, sim);
         }
     }
-    check_task(root, &sim.task, &sim.venue);
+    check_task(root, sim.task.as_ref(), &sim.venue);
     let Some(random) = sim.scene.random_persons else { return };
     let inner = sim.venue.area.shrunk(random.keep_from_border_m);
     let room_m2 = inner.width_m() * inner.height_m();
@@ -374,8 +379,10 @@ fn check_nobody_at_home(root: &Section, sim: &Sim, number: usize, home: Point) {
 }
 
 /// Refuses a mission that leads out of the fence.
-pub(super) fn check_task(root: &Section, task: &Task, venue: &Venue) {
-    let Some(outside) = task.places().iter().find(|place| !venue.fence.contains(**place)) else { return };
+pub(super) fn check_task(root: &Section, task: Option<&TaskKind>, venue: &Venue) {
+    let places = task.map(TaskKind::places).unwrap_or_default();
+    let mut places = places.into_iter().map(Point::from);
+    let Some(outside) = places.find(|place| !venue.fence.contains(*place)) else { return };
     let wrong = format!("leads to ({}, {}), outside the fence of the venue", outside.x_m, outside.y_m);
     let key = ["mission.waypoints_m", "mission.size_m", "mission"];
     let key = key.into_iter().find(|key| root.source.is_known(key)).unwrap_or("mission");

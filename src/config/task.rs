@@ -1,13 +1,13 @@
 //! The section `[mission]`: what every vehicle is out for. Without it vehicles sweep: they follow the plans of the
-//! ground station. How a mission travels, and what of it is whose, stands here as well: files, operators and vehicles have
-//! one type for it. What a mission does with its places is decided by the vehicle, see `node::mission`.
+//! ground station. Which kinds of missions there are, and their parameters, is declared with the message that carries them
+//! ([`TaskKind`]); here stand how a file says places, and the words that are other ways to say a sweep or legs. What a
+//! mission does with its places is decided by the vehicle, see `node::mission`.
 
-use serde::{Deserialize, Serialize};
-use tomoswarm_proto::{self as proto, Position, TaskKind};
+use tomoswarm_proto::{MissionKind, Position, TASK_PLACES_MAX, TaskKind, TaskLength, TaskParameter};
 
 use super::Loader;
 use super::forms::{FileName, MaybePlace, places};
-use super::keys::{Bounds, Choice, Entry, Form, Keyed, Keys, Number, Words};
+use super::keys::{Bounds, Entry, Form, Keyed, Keys, Number, Word, Words};
 use super::mission::Planner;
 use super::problem::Problems;
 use super::section::Section;
@@ -16,156 +16,178 @@ use super::venue::Venue;
 use super::waypoint_file::WaypointFile;
 use crate::geom::{Point, Rect};
 
-/// The most places of a mission.
-const MOST_PLACES: usize = 1000;
-
-/// What a vehicle is out for; places in metres in the venue's frame. A recording of a vehicle has the order of the variants.
-#[derive(Clone, PartialEq, Debug, Default, Serialize, Deserialize)]
-pub enum Task {
-    /// It follows the plans of the ground station and measures.
-    #[default]
-    Sweep,
-    /// Straight from place to place, and it ends in front of what stands there. The first is the first for vehicle 1,
-    /// the second for vehicle 2, and so on.
-    Legs(Vec<Point>),
-    /// Straight ahead as it stands, so far, metres; it ends in front of what stands there.
-    Forward(f64),
-    /// It looks around where it stands.
-    Browse,
-    /// It visits places on paths around what it sees; the vehicles share them.
-    Pathfind(Vec<Point>),
-    /// It looks at everything that it can get to, what is near to objects first.
-    Search,
-    /// All vehicles together look at everything that can be reached.
-    Explore,
-}
-
-/// The words for the kinds of missions.
-#[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
-pub enum MissionKind {
-    /// As the ground station plans.
-    #[default]
-    Sweep,
-    /// A sweep by the original's calibration.
-    Calibrate,
-    /// A sweep by the original's fan.
-    Fan,
-    /// A sweep by the original's straight fan.
-    FanStraight,
+/// What the word for a mission stands for.
+#[derive(Clone, PartialEq, Debug)]
+enum WrittenKind {
+    /// As the ground station plans; a measurement pattern of the original says by which planner.
+    Sweep(Option<Planner>),
     /// Straight around a square.
     Square,
     /// Straight from place to place.
     Waypoints,
-    /// Straight ahead.
-    Forward,
-    /// A look around.
-    Browse,
-    /// All that can be reached, near to objects first.
-    Search,
-    /// Places on paths around what is seen.
-    Pathfind,
-    /// All that can be reached, together.
-    Explore,
+    /// A mission with the word that it travels by; it has its lengths, and no places yet.
+    Named(TaskKind),
 }
 
-impl Choice for MissionKind {
-    const WORDS: &'static [(&'static str, MissionKind)] = &[
-        ("sweep", MissionKind::Sweep),
-        ("calibrate", MissionKind::Calibrate),
-        ("fan", MissionKind::Fan),
-        ("fan-straight", MissionKind::FanStraight),
-        ("square", MissionKind::Square),
-        ("waypoints", MissionKind::Waypoints),
-        ("forward", MissionKind::Forward),
-        ("browse", MissionKind::Browse),
-        ("search", MissionKind::Search),
-        ("pathfind", MissionKind::Pathfind),
-        ("explore", MissionKind::Explore),
-    ];
+/// The words of files alone.
+const WORDS: &[(&str, WrittenKind)] = &[
+    ("sweep", WrittenKind::Sweep(None)),
+    ("calibrate", WrittenKind::Sweep(Some(Planner::Calibrate))),
+    ("fan", WrittenKind::Sweep(Some(Planner::FanCorners))),
+    ("fan-straight", WrittenKind::Sweep(Some(Planner::FanStraight))),
+    ("square", WrittenKind::Square),
+    ("waypoints", WrittenKind::Waypoints),
+];
+
+impl WrittenKind {
+    /// Returns all kinds with their words, in the order in which people are told them.
+    fn all() -> impl Iterator<Item = (&'static str, WrittenKind)> {
+        let named = TaskKind::named_in_files().into_iter();
+        let named = named.map(|task| (MissionKind::from(&task).word(), WrittenKind::Named(task)));
+        WORDS.iter().cloned().chain(named)
+    }
 }
 
-/// The table `[mission]` as it is written; [`Task`] is what follows from it.
-#[derive(Clone, PartialEq, Debug, Default)]
+impl Word for WrittenKind {
+    fn words(&self) -> Vec<&'static str> {
+        WrittenKind::all().map(|(word, _)| word).collect()
+    }
+
+    fn chosen(&self) -> &'static str {
+        match self {
+            WrittenKind::Named(task) => MissionKind::from(task).word(),
+            WrittenKind::Sweep(_) | WrittenKind::Square | WrittenKind::Waypoints => {
+                WORDS.iter().find(|(_, kind)| kind == self).map_or("", |(word, _)| word)
+            }
+        }
+    }
+
+    fn choose(&mut self, word: &str) {
+        if let Some((_, kind)) = WrittenKind::all().find(|(known, _)| *known == word) {
+            *self = kind;
+        }
+    }
+}
+
+/// The table `[mission]` as it is written; a [`TaskKind`] is what follows from it.
+#[derive(Clone, PartialEq, Debug)]
 pub struct Mission {
-    /// Which mission.
-    pub kind: MissionKind,
-    /// Side of the square, metres.
-    pub size_m: Option<f64>,
-    /// Middle of the square.
-    pub centre_m: Option<Point>,
-    /// The places, unless a file says them.
-    pub waypoints_m: Vec<Point>,
-    /// The file of places.
-    pub file: Option<String>,
-    /// How far straight ahead, metres.
-    pub distance_m: f64,
+    kind: WrittenKind,
+    places: WrittenPlaces,
+}
+
+impl Default for Mission {
+    /// Returns a sweep.
+    fn default() -> Mission {
+        Mission::of(WrittenKind::Sweep(None))
+    }
 }
 
 impl Mission {
-    /// Returns a mission of every kind, for those who want to see all keys.
-    pub(super) fn each() -> Vec<Mission> {
-        MissionKind::WORDS.iter().map(|(_, kind)| Mission { kind: *kind, ..Mission::default() }).collect()
+    fn of(kind: WrittenKind) -> Mission {
+        Mission { kind, places: WrittenPlaces::default() }
+    }
+
+    /// Returns a mission of every kind with its word, in the order in which people are told them.
+    pub(super) fn each() -> impl Iterator<Item = (&'static str, Mission)> {
+        WrittenKind::all().map(|(word, kind)| (word, Mission::of(kind)))
     }
 
     /// Returns whether the ground station plans it.
     pub(super) fn is_planned_by_ground(&self) -> bool {
         match self.kind {
-            MissionKind::Sweep | MissionKind::Calibrate | MissionKind::Fan | MissionKind::FanStraight => true,
-            MissionKind::Square
-            | MissionKind::Waypoints
-            | MissionKind::Forward
-            | MissionKind::Browse
-            | MissionKind::Search
-            | MissionKind::Pathfind
-            | MissionKind::Explore => false,
+            WrittenKind::Sweep(_) => true,
+            WrittenKind::Square | WrittenKind::Waypoints | WrittenKind::Named(_) => false,
         }
     }
 
     /// Returns the planner that its kind of sweep needs.
     pub(super) fn planner(&self) -> Option<Planner> {
         match self.kind {
-            MissionKind::Calibrate => Some(Planner::Calibrate),
-            MissionKind::Fan => Some(Planner::FanCorners),
-            MissionKind::FanStraight => Some(Planner::FanStraight),
-            MissionKind::Sweep
-            | MissionKind::Square
-            | MissionKind::Waypoints
-            | MissionKind::Forward
-            | MissionKind::Browse
-            | MissionKind::Search
-            | MissionKind::Pathfind
-            | MissionKind::Explore => None,
+            WrittenKind::Sweep(planner) => planner,
+            WrittenKind::Square | WrittenKind::Waypoints | WrittenKind::Named(_) => None,
         }
     }
 
-    /// Returns what follows from it, with the waypoint file that it may name; a square lies in the middle of the venue's
-    /// area unless it says where.
-    pub(super) fn task(&mut self, source: &Source<'_>, venue: Option<&Venue>, loader: &mut Loader) -> Task {
-        match self.kind {
-            MissionKind::Sweep | MissionKind::Calibrate | MissionKind::Fan | MissionKind::FanStraight => {
-                Task::Sweep
+    /// Returns what follows from it, with the waypoint file that it may name; `None` for what the ground station plans. A
+    /// square lies in the middle of the venue's area unless it says where.
+    pub(super) fn task(
+        &mut self,
+        source: &Source<'_>,
+        venue: Option<&Venue>,
+        loader: &mut Loader,
+    ) -> Option<TaskKind> {
+        let Mission { kind, places } = self;
+        let positions = |points: Vec<Point>| points.into_iter().map(Position::from).collect();
+        match kind {
+            WrittenKind::Sweep(_) => None,
+            WrittenKind::Square => Some(TaskKind::Legs { places: positions(places.round(source, venue)) }),
+            WrittenKind::Waypoints => {
+                Some(TaskKind::Legs { places: positions(places.list(source, venue, loader)) })
             }
-            MissionKind::Square => Task::Legs(self.square(source, venue)),
-            MissionKind::Waypoints => Task::Legs(self.places(source, venue, loader)),
-            MissionKind::Forward => Task::Forward(self.distance_m),
-            MissionKind::Browse => Task::Browse,
-            MissionKind::Search => Task::Search,
-            MissionKind::Pathfind if self.has_places() => Task::Pathfind(self.places(source, venue, loader)),
-            MissionKind::Pathfind => {
-                let mut places = self.square(source, venue);
-                places.pop();
-                Task::Pathfind(places)
+            WrittenKind::Named(task) => {
+                let mut task = task.clone();
+                for parameter in task.parameters() {
+                    match parameter {
+                        TaskParameter::Length(..) => {}
+                        TaskParameter::Places(list, _) => {
+                            *list = positions(places.list_or_corners(source, venue, loader));
+                        }
+                    }
+                }
+                Some(task)
             }
-            MissionKind::Explore => Task::Explore,
         }
     }
+}
 
-    fn has_places(&self) -> bool {
+impl Keyed for Mission {
+    fn keys(&mut self, to: &mut dyn Keys) {
+        let Mission { kind, places } = self;
+        let means = "what the vehicles are out for, see below";
+        to.word(kind, Words { name: "kind", default: "sweep", means });
+        match kind {
+            WrittenKind::Sweep(_) => {}
+            WrittenKind::Square => places.square_keys(to),
+            WrittenKind::Waypoints => places.list_keys(true, to),
+            WrittenKind::Named(task) => task.parameters().into_iter().for_each(|parameter| match parameter {
+                TaskParameter::Length(length_mm, length) => length_key(length_mm, length, to),
+                TaskParameter::Places(..) => places.list_or_square_keys(to),
+            }),
+        }
+    }
+}
+
+/// Shows a length, which is written in metres.
+fn length_key(length_mm: &mut u32, length: TaskLength, to: &mut dyn Keys) {
+    let metres = |mm: u32| f64::from(mm) / 1000.0;
+    let TaskLength { name, default_mm, allowed_mm, means } = length;
+    let allowed = metres(*allowed_mm.start())..=metres(*allowed_mm.end());
+    let mut length_m = metres(*length_mm);
+    to.number(&mut length_m, Number { name, default: metres(default_mm), allowed, means });
+    *length_mm = (length_m * 1000.0).round() as u32;
+}
+
+/// The places of a mission as they are written.
+#[derive(Clone, PartialEq, Debug, Default)]
+struct WrittenPlaces {
+    /// Side of the square, metres.
+    size_m: Option<f64>,
+    /// Middle of the square.
+    centre_m: Option<Point>,
+    /// The places, unless a file says them.
+    waypoints_m: Vec<Point>,
+    /// The file of places.
+    file: Option<String>,
+}
+
+impl WrittenPlaces {
+    fn has_list(&self) -> bool {
         self.file.is_some() || !self.waypoints_m.is_empty()
     }
 
     /// Returns the places, given as they are or by a file.
-    fn places(&self, source: &Source<'_>, venue: Option<&Venue>, loader: &mut Loader) -> Vec<Point> {
+    fn list(&self, source: &Source<'_>, venue: Option<&Venue>, loader: &mut Loader) -> Vec<Point> {
         let Some(path) = &self.file else { return self.waypoints_m.clone() };
         let text = match loader(path) {
             Ok(text) => text,
@@ -185,9 +207,24 @@ impl Mission {
         }
     }
 
-    /// Returns a square, and fills in what was left out: its corners as the original's mission drives them, the first
+    /// Returns the places, or without them the corners of the square.
+    fn list_or_corners(
+        &mut self,
+        source: &Source<'_>,
+        venue: Option<&Venue>,
+        loader: &mut Loader,
+    ) -> Vec<Point> {
+        if self.has_list() {
+            return self.list(source, venue, loader);
+        }
+        let mut corners = self.round(source, venue);
+        corners.pop();
+        corners
+    }
+
+    /// Returns the way round the square, and fills in what was left out: its corners as the original's mission drives them, the first
     /// north-west, and that again at the end.
-    fn square(&mut self, source: &Source<'_>, venue: Option<&Venue>) -> Vec<Point> {
+    fn round(&mut self, source: &Source<'_>, venue: Option<&Venue>) -> Vec<Point> {
         let area = venue.map(|venue| venue.area);
         let side_m = area.map_or(10.0, |area| area.width_m().min(area.height_m()));
         if self.size_m.is_none() && !source.is_known("mission.size_m") {
@@ -203,62 +240,28 @@ impl Mission {
     }
 
     fn square_keys(&mut self, to: &mut dyn Keys) {
-        to.maybe_number(
-            &mut self.size_m,
-            Bounds {
-                name: "size_m",
-                left_out: "the shorter side of the area",
-                allowed: 0.1..=10_000.0,
-                means: "`square`, `pathfind`: side of the square",
-            },
-        );
-        let means = "`square`, `pathfind`: middle of the square";
-        let left_out = "the area's middle";
-        to.form(&mut MaybePlace(&mut self.centre_m), Entry { name: "centre_m", left_out, means });
+        let WrittenPlaces { size_m, centre_m, waypoints_m: _, file: _ } = self;
+        let (left_out, means) = ("the shorter side of the area", "side of the square");
+        to.maybe_number(size_m, Bounds { name: "size_m", left_out, allowed: 0.1..=10_000.0, means });
+        let (left_out, means) = ("the area's middle", "middle of the square");
+        to.form(&mut MaybePlace(centre_m), Entry { name: "centre_m", left_out, means });
     }
 
-    fn place_keys(&mut self, to: &mut dyn Keys) {
-        let means = "`waypoints`, `pathfind`: file of the places, `.waypoints` (QGC WPL 110) or `.plan` of \
-                     QGroundControl; every place must lie inside the fence";
-        let mut file = FileName { name: &mut self.file, needed: None };
-        to.form(&mut file, Entry { name: "file", left_out: "", means });
-        let is_needed = self.kind == MissionKind::Waypoints && self.file.is_none();
-        let mut waypoints = Waypoints { places: &mut self.waypoints_m, file: self.file.is_some(), is_needed };
-        let means = "`waypoints`, `pathfind`: the places, `[[x, y], …]`, unless a file says them";
+    fn list_keys(&mut self, is_needed: bool, to: &mut dyn Keys) {
+        let WrittenPlaces { size_m: _, centre_m: _, waypoints_m, file } = self;
+        let means = "file of the places, `.waypoints` (QGC WPL 110) or `.plan` of QGroundControl; every place must lie \
+                     inside the fence";
+        to.form(&mut FileName { name: file, needed: None }, Entry { name: "file", left_out: "", means });
+        let is_needed = is_needed && file.is_none();
+        let mut waypoints = Waypoints { places: waypoints_m, file: file.is_some(), is_needed };
+        let means = "the places, `[[x, y], …]`, unless a file says them";
         to.form(&mut waypoints, Entry { name: "waypoints_m", left_out: "", means });
     }
-}
 
-impl Keyed for Mission {
-    fn keys(&mut self, to: &mut dyn Keys) {
-        let Mission { kind, size_m: _, centre_m: _, waypoints_m: _, file: _, distance_m } = self;
-        let means = "what the vehicles are out for, see below";
-        to.word(kind, Words { name: "kind", default: MissionKind::Sweep.word(), means });
-        match kind {
-            MissionKind::Square => self.square_keys(to),
-            MissionKind::Waypoints => self.place_keys(to),
-            MissionKind::Pathfind => {
-                self.place_keys(to);
-                if !self.has_places() {
-                    self.square_keys(to);
-                }
-            }
-            MissionKind::Forward => to.number(
-                distance_m,
-                Number {
-                    name: "distance_m",
-                    default: 5.0,
-                    allowed: 0.1..=1000.0,
-                    means: "`forward`: how far",
-                },
-            ),
-            MissionKind::Sweep
-            | MissionKind::Calibrate
-            | MissionKind::Fan
-            | MissionKind::FanStraight
-            | MissionKind::Browse
-            | MissionKind::Search
-            | MissionKind::Explore => {}
+    fn list_or_square_keys(&mut self, to: &mut dyn Keys) {
+        self.list_keys(false, to);
+        if !self.has_list() {
+            self.square_keys(to);
         }
     }
 }
@@ -281,7 +284,7 @@ impl Form for Waypoints<'_> {
         if self.file && is_given {
             section.refuse(key, "is given beside a file", "one of waypoints_m and file is allowed");
         } else if self.is_needed || is_given {
-            *self.places = section.required_points(key, 1..=MOST_PLACES);
+            *self.places = section.required_points(key, 1..=TASK_PLACES_MAX);
         }
     }
 }
@@ -289,95 +292,12 @@ impl Form for Waypoints<'_> {
 /// The key of the file of places.
 const FILE: &str = "mission.file";
 
-impl Task {
-    /// Tells whether the ground station plans it.
-    pub fn is_planned_by_ground(&self) -> bool {
-        match self {
-            Task::Sweep => true,
-            Task::Legs(_)
-            | Task::Forward(_)
-            | Task::Browse
-            | Task::Pathfind(_)
-            | Task::Search
-            | Task::Explore => false,
-        }
-    }
-
-    /// Gives the places that it names.
-    pub fn places(&self) -> &[Point] {
-        match self {
-            Task::Legs(places) | Task::Pathfind(places) => places,
-            Task::Sweep | Task::Forward(_) | Task::Browse | Task::Search | Task::Explore => &[],
-        }
-    }
-
-    /// Returns what of it the vehicle at a place among so many does, counted from 0. Legs begin with another place for each,
-    /// so that they do not all head for the same one; places to be visited are shared.
-    pub fn share(&self, index: usize, of: usize) -> Task {
-        match self {
-            Task::Legs(places) => Task::Legs(begun_at(places, index)),
-            Task::Pathfind(places) => {
-                let of = of.max(1);
-                Task::Pathfind(places.iter().copied().skip(index % of).step_by(of).collect())
-            }
-            Task::Sweep | Task::Forward(_) | Task::Browse | Task::Search | Task::Explore => self.clone(),
-        }
-    }
-
-    /// Returns how it travels; `None` for a sweep, which has more to it.
-    pub fn on_wire(&self) -> Option<TaskKind> {
-        let positions = |places: &[Point]| places.iter().map(|at| Position::from(*at)).collect();
-        Some(match self {
-            Task::Sweep => return None,
-            Task::Legs(places) => TaskKind::Legs { places: positions(places) },
-            Task::Forward(distance_m) => {
-                TaskKind::Forward { distance_mm: (distance_m * 1000.0).round() as u32 }
-            }
-            Task::Browse => TaskKind::Browse,
-            Task::Pathfind(places) => TaskKind::Pathfind { places: positions(places) },
-            Task::Search => TaskKind::Search,
-            Task::Explore => TaskKind::Explore,
-        })
-    }
-
-    /// Returns its kind, as it travels.
-    pub fn kind(&self) -> proto::MissionKind {
-        self.on_wire().map_or(proto::MissionKind::Sweep, |task| proto::MissionKind::from(&task))
-    }
-}
-
-impl From<&TaskKind> for Task {
-    fn from(task: &TaskKind) -> Task {
-        let points = |places: &[Position]| places.iter().map(|at| Point::from(*at)).collect();
-        match task {
-            TaskKind::Sweep { .. } => Task::Sweep,
-            TaskKind::Legs { places } => Task::Legs(points(places)),
-            TaskKind::Forward { distance_mm } => Task::Forward(f64::from(*distance_mm) / 1000.0),
-            TaskKind::Browse => Task::Browse,
-            TaskKind::Pathfind { places } => Task::Pathfind(points(places)),
-            TaskKind::Search => Task::Search,
-            TaskKind::Explore => Task::Explore,
-        }
-    }
-}
-
-/// Returns places in another order: from one of them to the end, then from the first. A round that ends where it began does
-/// so again.
-fn begun_at(places: &[Point], index: usize) -> Vec<Point> {
-    let is_round = places.len() > 2 && places.first() == places.last();
-    let open = &places[..places.len() - usize::from(is_round)];
-    let start = index % open.len().max(1);
-    let mut turned: Vec<Point> = open[start..].iter().chain(&open[..start]).copied().collect();
-    turned.extend(turned.first().copied().filter(|_| is_round));
-    turned
-}
-
 /// Gives the places of a waypoint file in the venue's frame; what lies outside the fence is refused by its line.
 fn places_of(source: &Source<'_>, path: &str, file: &WaypointFile, venue: &Venue) -> Vec<Point> {
     let places = file.points(&venue.plane());
-    if places.is_empty() || places.len() > MOST_PLACES {
+    if places.is_empty() || places.len() > TASK_PLACES_MAX {
         let wrong = format!("{path} leads to {} places", places.len());
-        source.refuse(FILE, &wrong, &format!("1 to {MOST_PLACES} places are allowed"));
+        source.refuse(FILE, &wrong, &format!("1 to {TASK_PLACES_MAX} places are allowed"));
     }
     let outside = places.iter().filter(|(_, at)| !venue.fence.contains(*at));
     let problem = |(index, at): &(usize, Point)| {

@@ -3,7 +3,7 @@
 
 use core::net::SocketAddr;
 
-use tomoswarm_proto::VehicleId;
+use tomoswarm_proto::{TaskKind, VehicleId};
 
 use super::Loader;
 use super::bus_file::{BusFile, BusFileTable, Role};
@@ -16,7 +16,7 @@ use super::range_driver::RangeDriver;
 use super::section::Section;
 use super::sim::{check_border, check_task, load, refuse_blind_speed};
 use super::swarm::Swarm;
-use super::task::{Mission, Task};
+use super::task::Mission;
 use super::vehicle::{Body, Safety, sight};
 use super::venue::Venue;
 use crate::geom::Point;
@@ -41,8 +41,8 @@ pub struct VehicleFile {
     pub state_dir: String,
     /// What it is out for, as it is written.
     pub mission: Mission,
-    /// What it is out for.
-    pub task: Task,
+    /// What it is out for; `None` = it follows the plans of the ground station.
+    pub task: Option<TaskKind>,
     /// What speaks with its devices.
     pub drivers: Drivers,
     /// Its body.
@@ -188,7 +188,7 @@ impl VehicleFile {
             home: Point::default(),
             state_dir: String::new(),
             mission: Mission::default(),
-            task: Task::default(),
+            task: None,
             drivers: Drivers::default(),
             body: Body::default(),
             look: Look::default(),
@@ -416,7 +416,7 @@ fn check_home(root: &Section, venue: &Venue, id: VehicleId, reach_m: f64) -> Opt
 fn check_together(root: &Section<'_>, file: &VehicleFile) {
     let VehicleFile { body, safety, pose, venue, .. } = file;
     let swarm = &venue.swarm;
-    check_task(root, &file.task, venue);
+    check_task(root, file.task.as_ref(), venue);
     let is_sound = |keys: &[&str]| root.source.is_sound(keys);
     if is_sound(&["vehicle.radius_m"]) && swarm.separation_m <= 2.0 * body.radius_m {
         let separation_m = swarm.separation_m;

@@ -1,6 +1,6 @@
 //! What is made of the declared keys besides reading: a configuration as text, and the tables of the documentation.
 
-use super::keys::{Keyed, Tables, Writer};
+use super::keys::{Tables, Writer};
 use super::sim::{Sim, SimTable};
 use super::task::Mission;
 use super::vehicle::SWARM;
@@ -27,14 +27,11 @@ fn sim_table(sim: &mut Sim) -> SimTable<'_> {
 
 /// Returns the tables of all keys, as Markdown, by the kind of file.
 pub fn key_tables() -> Vec<(&'static str, String)> {
-    let mut missions = Mission::each();
-    // A key of any kind of mission is a key of `[mission]`.
-    let mut each: Vec<&mut dyn Keyed> = missions.iter_mut().map(|kind| kind as &mut dyn Keyed).collect();
     vec![
         ("venue", Tables::of(&mut [&mut Venue::blank()])),
         ("scene", Tables::of(&mut [&mut SceneFile::of_shapes(Up::Y)])),
         ("sim", Tables::of(&mut [&mut sim_table(&mut Sim::blank())])),
-        ("mission", Tables::of(&mut each)),
+        ("mission", Tables::of_kinds(Mission::each())),
         ("experiment", Tables::of(&mut [&mut Experiment::blank()])),
         ("vehicle", Tables::of(&mut [&mut VehicleFile::blank()])),
         ("ground", Tables::of(&mut [&mut GroundFile::blank()])),

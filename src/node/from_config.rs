@@ -3,14 +3,13 @@
 
 use std::time::Duration;
 
-use tomoswarm_proto::{Boot, Standing, VehicleId};
+use tomoswarm_proto::{Boot, Standing, TaskKind, VehicleId};
 
 use super::memory::Memory;
+use super::mission::share;
 use super::settings::{BodySettings, LookSettings, RadioSettings, Settings};
 use crate::autopilot::{self, Kind};
-use crate::config::{
-    Body, Craft, Flight, Look, OwnRadio, RangeDriver, Safety, Sim, Task, VehicleFile, Venue,
-};
+use crate::config::{Body, Craft, Flight, Look, OwnRadio, RangeDriver, Safety, Sim, VehicleFile, Venue};
 use crate::geom::{Angle, Lattice, Point};
 
 /// How long a search for a path takes in real time beyond the search itself, which has run by then.
@@ -30,7 +29,7 @@ impl Settings {
             safety: sim.safety,
             path_time: sim.durations.route(),
             // The scenario's operator gives it.
-            task: Task::Sweep,
+            task: None,
             autopilot: autopilot_settings(&sim.vehicles.flight),
         }
         .settings(vehicle, boot, home)
@@ -47,7 +46,7 @@ impl Settings {
             safety: file.safety,
             path_time: PATH_TIME,
             // It knows of no others: it visits all places, and begins its legs by its number.
-            task: file.task.share(usize::from(file.id.0.saturating_sub(1)), 1),
+            task: file.task.as_ref().map(|task| share(task, usize::from(file.id.0.saturating_sub(1)), 1)),
             // Vehicles of their own files drive, until the file says otherwise.
             autopilot: autopilot::Settings::default(),
         };
@@ -65,7 +64,7 @@ struct Told<'f> {
     radio: OwnRadio,
     safety: Safety,
     path_time: Duration,
-    task: Task,
+    task: Option<TaskKind>,
     autopilot: autopilot::Settings,
 }
 

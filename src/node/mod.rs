@@ -35,7 +35,6 @@ use self::sensor::Sensor;
 use self::vehicle::Vehicle;
 use crate::actor::{ActingTime, Fill, Place, Recipient, RestartPolicy, Visitor, Wire, Wiring};
 use crate::autopilot::AutopilotLink;
-pub use crate::config::Task;
 use crate::stops::{Stops, StopsSettings};
 pub use memory::{Memory, Remembered};
 pub use own_state::OwnState;

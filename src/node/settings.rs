@@ -3,11 +3,11 @@
 use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
-use tomoswarm_proto::{Boot, Standing, VehicleId};
+use tomoswarm_proto::{Boot, Standing, TaskKind, VehicleId};
 
 use super::memory::Memory;
 use crate::autopilot;
-use crate::config::{Safety, Swarm, Task};
+use crate::config::{Safety, Swarm};
 use crate::geom::{Angle, Lattice, Point, Polygon};
 use crate::plan::Mounts;
 
@@ -32,9 +32,9 @@ pub struct Settings {
     pub lattice: Lattice,
     /// Altitude slice that it drives in.
     pub slice: i16,
-    /// What it is out for.
+    /// What it is out for; `None` = it follows the plans of the ground station.
     #[serde(default)]
-    pub task: Task,
+    pub task: Option<TaskKind>,
     /// Its body.
     pub body: BodySettings,
     /// Its range sensor.

@@ -84,7 +84,7 @@ pub fn settings(vehicle: u8) -> Settings {
         radio: RadioSettings { channel: 11, power_dbm: 0, slot: Duration::from_millis(50) },
         safety: crate::config::Safety { padding_m: 0.15, ..Default::default() },
         swarm: crate::config::Swarm::default(),
-        task: crate::node::Task::Sweep,
+        task: None,
         path_time: Duration::from_millis(20),
         autopilot: crate::autopilot::Settings::default(),
     }

@@ -10,7 +10,7 @@ use serde::{Deserialize, Serialize};
 use tomoswarm_proto::{Lease, MissionKind, RunId, RunReport, SweepPlanner, Task, TaskKind, VehicleId};
 
 use super::fleet_view::FleetView;
-use crate::config::{self, Planner, Sweep};
+use crate::config::{Planner, Sweep};
 use crate::time::Time;
 
 /// A task that is not shown yet is said again after so long.
@@ -103,9 +103,9 @@ impl GivenTasks {
     }
 }
 
-/// Returns a mission as its file says it, for the wire.
-pub fn task_kind(task: &config::Task, sweep: &Sweep) -> TaskKind {
-    task.on_wire().unwrap_or_else(|| sweep_kind(sweep))
+/// Returns what is to be done: a mission of the vehicles' own, or without one this sweep.
+pub fn task_kind(task: Option<TaskKind>, sweep: &Sweep) -> TaskKind {
+    task.unwrap_or_else(|| sweep_kind(sweep))
 }
 
 fn sweep_kind(sweep: &Sweep) -> TaskKind {
@@ -131,8 +131,7 @@ mod tests {
     use super::super::Heard;
     use super::super::tests_support::{at, heard, report};
     use super::*;
-    use crate::geom::Point;
-    use tomoswarm_proto::{Boot, Message, Mission, Position, Progress, Report};
+    use tomoswarm_proto::{Boot, Message, Mission, Progress, Report};
 
     fn lease(number: u32) -> Lease {
         Lease { number, holder: 9 }
@@ -187,22 +186,5 @@ mod tests {
         assert_eq!(count(32.0, Some(mission(2, 2, MissionKind::Explore))), (0, None));
         tasks.give(TaskWish { run: RunId(3), ..wish(TaskKind::Browse) });
         assert_eq!(tasks.0.len(), 1, "the next one takes its place");
-    }
-
-    #[test]
-    fn every_mission_of_a_file_travels_as_it_is() {
-        let places = vec![Point::new(1.0, -2.5)];
-        let on_wire = vec![Position::from_metres(1.0, -2.5, 0.0)];
-        for (task, kind) in [
-            (config::Task::Legs(places.clone()), TaskKind::Legs { places: on_wire.clone() }),
-            (config::Task::Pathfind(places), TaskKind::Pathfind { places: on_wire }),
-            (config::Task::Forward(2.5), TaskKind::Forward { distance_mm: 2500 }),
-            (config::Task::Browse, TaskKind::Browse),
-            (config::Task::Search, TaskKind::Search),
-            (config::Task::Explore, TaskKind::Explore),
-        ] {
-            assert_eq!(task_kind(&task, &Sweep::default()), kind);
-            assert_eq!((config::Task::from(&kind), task.kind()), (task, MissionKind::from(&kind)));
-        }
     }
 }

@@ -54,7 +54,7 @@ pub(super) fn settings(sim: &Sim, id: OperatorId, holder: u64) -> OperatorSettin
 pub(super) fn steps(sim: &Sim) -> Vec<Step> {
     let scenario = ScenarioScript { sim };
     let mut steps = vec![Step::Delay(BEGIN_AT)];
-    match sim.task.is_planned_by_ground() {
+    match sim.is_planned_by_ground() {
         true => scenario.sweeps(&mut steps),
         false => steps.extend([
             scenario.task(MISSION_RUN, None),
@@ -124,7 +124,12 @@ impl ScenarioScript<'_> {
 
     fn task(&self, run: RunId, compare_with: Option<RunId>) -> Step {
         let members: Vec<VehicleId> = self.sim.vehicle_ids().collect();
-        Step::Task(TaskWish { run, members, compare_with, kind: task_kind(&self.sim.task, &self.sim.sweep) })
+        Step::Task(TaskWish {
+            run,
+            members,
+            compare_with,
+            kind: task_kind(self.sim.task.clone(), &self.sim.sweep),
+        })
     }
 
     fn want(&self, kind: OrderKind, run: Option<RunId>) -> Step {

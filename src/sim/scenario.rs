@@ -250,7 +250,7 @@ impl Scenario {
 
     fn judge(&self) -> Judge {
         let ids: Vec<VehicleId> = self.sim.vehicle_ids().collect();
-        Judge::new(self.sim.task.is_planned_by_ground(), self.sim.expect, &ids)
+        Judge::new(self.sim.is_planned_by_ground(), self.sim.expect, &ids)
     }
 
     pub(super) fn parts(&self) -> Result<Parts, ScenarioError> {
@@ -424,7 +424,7 @@ impl Scenario {
     }
 
     fn unended(&self, judge: &Judge) -> String {
-        if self.sim.task.is_planned_by_ground() {
+        if self.sim.is_planned_by_ground() {
             return "the sweep did not end in time".to_owned();
         }
         let under_way = judge.missions().iter().filter(|(_, end)| end.is_none());

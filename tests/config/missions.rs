@@ -1,7 +1,8 @@
 //! `[mission]`: what is read, and what is refused before anything is run.
 
-use tomoswarm::config::{self, Planner, Sim, Task, bundled};
+use tomoswarm::config::{self, Planner, Sim, bundled};
 use tomoswarm::geom::Point;
+use tomoswarm_proto::{Position, TaskKind};
 
 const SIM: &str = "\
 kind = \"sim\"
@@ -35,7 +36,7 @@ fn check_refused(lines: &str, file: &str, expected: &[&str]) {
 
 #[test]
 fn a_simulation_without_a_mission_sweeps_with_at_least_two() {
-    assert_eq!(read("").unwrap().task, Task::Sweep);
+    assert_eq!(read("").unwrap().task, None);
     check_refused("[vehicles]\ncount = 1\n", "", &["configs/a.toml:5", "vehicles.count", "2 to 8"]);
     assert_eq!(read("[mission]\nkind = \"explore\"\n[vehicles]\ncount = 1\n").unwrap().vehicles.count, 1);
 }
@@ -44,13 +45,14 @@ fn a_simulation_without_a_mission_sweeps_with_at_least_two() {
 fn a_square_goes_round_the_middle_of_the_area_from_north_west() {
     let sim = read("[mission]\nkind = \"square\"\nsize_m = 8\n").unwrap();
     let corners = [(6.0, 14.0), (14.0, 14.0), (14.0, 6.0), (6.0, 6.0), (6.0, 14.0)];
-    assert_eq!(sim.task, Task::Legs(corners.map(|(x, y)| Point::new(x, y)).to_vec()));
+    let places = corners.map(|(x_m, y_m)| Position::from_metres(x_m, y_m, 0.0)).to_vec();
+    assert_eq!(sim.task, Some(TaskKind::Legs { places }));
 }
 
 #[test]
 fn patterns_are_sweeps_of_two_vehicles_over_a_square_lattice() {
     let sim = read("[mission]\nkind = \"fan-straight\"\n").unwrap();
-    assert_eq!((sim.task, sim.sweep.planner), (Task::Sweep, Planner::FanStraight));
+    assert_eq!((sim.task, sim.sweep.planner), (None, Planner::FanStraight));
     check_refused(
         "[mission]\nkind = \"fan\"\n[sweep]\npositions = 75\n",
         "",
@@ -94,8 +96,11 @@ fn a_waypoint_file_leads_to_its_places_in_the_frame_of_the_venue() {
     let lines = "[mission]\nkind = \"waypoints\"\nfile = \"way.waypoints\"\n";
     // 0.0001° of latitude are 11.13 m to the north, the courtyard's y.
     let sim = read_with(lines, &waypoints(52.3703, 4.8952)).unwrap();
-    let Task::Legs(places) = &sim.task else { panic!("{:?}", sim.task) };
-    assert!(places.len() == 1 && places[0].distance_to(Point::new(0.0, 11.13)) < 0.02, "{places:?}");
+    let Some(TaskKind::Legs { places }) = &sim.task else { panic!("{:?}", sim.task) };
+    assert!(
+        places.len() == 1 && Point::from(places[0]).distance_to(Point::new(0.0, 11.13)) < 0.02,
+        "{places:?}"
+    );
 }
 
 #[test]

@@ -407,7 +407,7 @@ fn settings(vehicle: u8, boot: u32) -> Settings {
         radio: RadioSettings { channel: 11, power_dbm: 0, slot: Duration::from_millis(50) },
         safety: tomoswarm::config::Safety { padding_m: 0.15, ..Default::default() },
         swarm: tomoswarm::config::Swarm::default(),
-        task: tomoswarm::node::Task::Sweep,
+        task: None,
         path_time: Duration::from_millis(20),
         autopilot: tomoswarm::autopilot::Settings::default(),
     }

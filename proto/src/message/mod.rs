@@ -11,6 +11,7 @@ mod plan;
 mod report;
 mod samples;
 mod state;
+mod task;
 
 use serde::{Deserialize, Serialize};
 
@@ -22,13 +23,14 @@ pub use health::{
 pub use hello::{Capability, Hello, Interest, RadioKind, RangeSensorKind, ServoKind};
 pub use image::{Covariance, Find, IMAGE_PART_PIXELS, IMAGE_SIDE_MAX, Image, ImageSubject, Rectangle};
 pub use map::{Digest, LayerDigest, TILE_CELLS, TILE_SIDE, TileAddress, TileReport, Want};
-pub use order::{
-    EmergencyStop, MissionKind, Order, OrderKind, Standing, StopScope, SweepPlanner, Task, TaskKind,
-};
+pub use order::{EmergencyStop, Order, OrderKind, Standing, StopScope};
 pub use plan::{Mission, MissionEnd, MissionPhase, MissionRefusal, Plan, Progress, SeenState, Stop};
 pub use report::{Report, RunEnd, RunReport, StationPhase};
 pub use samples::{Have, HeardFrom, LostSamples, Sample, Samples, WATERMARKS_ALWAYS};
 pub use state::{Control, LegReport, Mode, Ordered, StandReason, State};
+pub use task::{
+    MissionKind, PlaceSharing, SweepPlanner, TASK_PLACES_MAX, Task, TaskKind, TaskLength, TaskParameter,
+};
 
 use crate::{Kind, Sender};
 

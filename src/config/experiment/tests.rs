@@ -4,6 +4,7 @@ use std::collections::BTreeSet;
 
 use proptest::collection::btree_set;
 use proptest::prelude::*;
+use tomoswarm_proto::TaskKind;
 
 use super::*;
 use crate::config::keys::{
@@ -15,6 +16,7 @@ use crate::config::sim::SimTable;
 use crate::config::task::Mission;
 use crate::config::vehicle::SWARM;
 use crate::config::{Config, bundled, read_experiment};
+use crate::geom::Point;
 
 const FILE: &str = "configs/trial.toml";
 
@@ -85,9 +87,10 @@ fn a_mission_takes_the_place_of_the_files_own() {
          [[scene]]\nsim = \"other.sim.toml\"\n[[scene]]\nname = \"yard\"\nsim = \"other.sim.toml\"\n\
          with.vehicles.radius_m = 0.3\n[scene.mission.box]\nsize_m = 6.0\n",
     );
-    let tasks: Vec<crate::config::Task> = (0..4).map(|cell| sim(&grid, cell).task).collect();
-    assert_eq!(tasks[..2], [crate::config::Task::Explore, crate::config::Task::Explore]);
-    let side_m = |cell: usize| tasks[cell].places()[0].distance_to(tasks[cell].places()[1]);
+    let tasks: Vec<TaskKind> = (0..4).filter_map(|cell| sim(&grid, cell).task).collect();
+    assert_eq!(tasks[..2], [TaskKind::Explore, TaskKind::Explore]);
+    let corner = |cell: usize, index: usize| Point::from(tasks[cell].places()[index]);
+    let side_m = |cell: usize| corner(cell, 0).distance_to(corner(cell, 1));
     assert!((side_m(2) - 4.0).abs() < 1e-9 && (side_m(3) - 6.0).abs() < 1e-9);
     assert_eq!((sim(&grid, 0).vehicles.body.radius_m, sim(&grid, 1).vehicles.body.radius_m), (0.4, 0.3));
     assert_eq!(grid.names(Axis::Mission), ["explore", "box"]);
@@ -306,7 +309,7 @@ impl Keys for Files {
 fn the_files_that_may_be_laid_over_are_those_that_the_keys_declare() {
     let mut files = Files::default();
     SimTable { sim: &mut Sim::blank(), allowed: &SWARM, asked: None }.keys(&mut files);
-    Mission::each().iter_mut().for_each(|mission| mission.keys(&mut files));
+    Mission::each().for_each(|(_, mut mission)| mission.keys(&mut files));
     // A simulation opens its venue and its scene before it shows its keys.
     files.0.extend(["venue", "scene"]);
     assert_eq!(files.0, FILES.iter().copied().collect());

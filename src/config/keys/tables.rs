@@ -14,8 +14,24 @@ const HEAD: &str = "| key | default | allowed | meaning |\n| --- | --- | --- | -
 #[derive(Default)]
 pub(in crate::config) struct Tables {
     prefix: String,
-    rows: Vec<String>,
+    rows: Vec<Row>,
     inner: String,
+}
+
+/// A key as it is shown.
+#[derive(Clone, PartialEq)]
+struct Row {
+    name: String,
+    default: String,
+    allowed: String,
+    means: String,
+}
+
+impl Row {
+    fn text(&self) -> String {
+        let Row { name, default, allowed, means } = self;
+        format!("| {name} | {default} | {allowed} | {means} |\n")
+    }
 }
 
 impl Tables {
@@ -28,17 +44,42 @@ impl Tables {
         tables.text()
     }
 
+    /// Returns one table of the keys of all kinds of a table, each with its word: the meaning of a key begins with the
+    /// words of the kinds that have it, unless all do.
+    pub(in crate::config) fn of_kinds<T: Keyed>(kinds: impl Iterator<Item = (&'static str, T)>) -> String {
+        let (mut count, mut rows) = (0, Vec::<(Row, Vec<String>)>::new());
+        for (word, mut kind) in kinds {
+            count += 1;
+            let mut tables = Tables::default();
+            kind.keys(&mut tables);
+            for row in tables.rows {
+                match rows.iter_mut().find(|(known, _)| *known == row) {
+                    Some((_, words)) => words.push(format!("`{word}`")),
+                    None => rows.push((row, vec![format!("`{word}`")])),
+                }
+            }
+        }
+        let with_words = |(row, words): (Row, Vec<String>)| match words.len() == count {
+            true => row,
+            false => Row { means: format!("{}: {}", words.join(", "), row.means), ..row },
+        };
+        let rows = rows.into_iter().map(with_words).collect();
+        Tables { rows, ..Tables::default() }.text()
+    }
+
     fn text(self) -> String {
-        match self.rows.is_empty() {
+        let rows: String = self.rows.iter().map(Row::text).collect();
+        match rows.is_empty() {
             true => self.inner,
-            false => format!("{HEAD}{}\n{}", self.rows.concat(), self.inner),
+            false => format!("{HEAD}{rows}\n{}", self.inner),
         }
     }
 
     fn row(&mut self, name: &str, default: &str, allowed: &str, means: &str) {
         let unit = unit(name).map(|unit| format!(" {unit}")).unwrap_or_default();
-        let default = if default.is_empty() { "none" } else { default };
-        let row = format!("| `{name}` | {default} | {allowed}{unit} | {} |\n", means.replace('|', "\\|"));
+        let default = if default.is_empty() { "none" } else { default }.to_owned();
+        let (allowed, means) = (format!("{allowed}{unit}"), means.replace('|', "\\|"));
+        let row = Row { name: format!("`{name}`"), default, allowed, means };
         // A key that two kinds of a table share is shown once.
         if !self.rows.contains(&row) {
             self.rows.push(row);
@@ -146,6 +187,7 @@ impl Keys for Tables {
 
     fn others(&mut self, _: &mut Layer, key: Others) {
         let which = if key.but.is_empty() { "any" } else { "any other" };
-        self.rows.push(format!("| {which} |  |  | {} |\n", key.means));
+        let (name, means) = (which.to_owned(), key.means.to_owned());
+        self.rows.push(Row { name, default: String::new(), allowed: String::new(), means });
     }
 }

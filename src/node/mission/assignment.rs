@@ -13,10 +13,11 @@
 use std::collections::BTreeMap;
 
 use serde::{Deserialize, Serialize};
-use tomoswarm_proto::{self as proto, MissionKind, MissionRefusal, RunId, VehicleId};
+use tomoswarm_proto::{MissionKind, MissionRefusal, RunId, Task, TaskKind, VehicleId};
 
-use crate::geom::Polygon;
-use crate::node::{Settings, Task};
+use super::share::share;
+use crate::geom::{Point, Polygon};
+use crate::node::Settings;
 
 /// Tasks of so many runs are kept: the present one's, and the highest.
 const RUNS_MAX: usize = 4;
@@ -27,14 +28,14 @@ pub(super) struct Assignment {
     vehicle: VehicleId,
     is_blind: bool,
     fence: Polygon,
-    by_file: Task,
+    by_file: Option<TaskKind>,
     /// The run that it was started in last.
     run: RunId,
     /// Tasks of that run and of later ones.
-    tasks: BTreeMap<RunId, proto::Task>,
+    tasks: BTreeMap<RunId, Task>,
     /// What follows from it.
     kind: MissionKind,
-    task: Result<Task, MissionRefusal>,
+    task: Result<Option<TaskKind>, MissionRefusal>,
 }
 
 impl Assignment {
@@ -47,7 +48,7 @@ impl Assignment {
             by_file: settings.task.clone(),
             run: RunId::default(),
             tasks: BTreeMap::new(),
-            kind: settings.task.kind(),
+            kind: kind_of(settings.task.as_ref()),
             task: Ok(settings.task.clone()),
         }
     }
@@ -62,12 +63,12 @@ impl Assignment {
         self.kind
     }
 
-    /// Returns what it is out for.
+    /// Returns what it is out for; `None` = it follows the ground's plan.
     ///
     /// # Errors
     /// Why it is never begun.
-    pub fn task(&self) -> Result<&Task, MissionRefusal> {
-        self.task.as_ref().map_err(|why| *why)
+    pub fn task(&self) -> Result<Option<&TaskKind>, MissionRefusal> {
+        self.task.as_ref().map(Option::as_ref).map_err(|why| *why)
     }
 
     /// Returns why it never begins what it was told to do.
@@ -77,11 +78,11 @@ impl Assignment {
 
     /// Returns whether it does not follow the ground's plan: it has a mission of its own, or refuses its task.
     pub fn is_own(&self) -> bool {
-        self.task != Ok(Task::Sweep)
+        self.task != Ok(None)
     }
 
     /// Takes a task, unless it is of an earlier run; returns whether the vehicle is out for something else from now on.
-    pub fn hear(&mut self, task: &proto::Task) -> bool {
+    pub fn hear(&mut self, task: &Task) -> bool {
         if task.run < self.run {
             return false;
         }
@@ -105,76 +106,73 @@ impl Assignment {
     fn decide(&mut self) -> bool {
         let (kind, task) = match self.tasks.get(&self.run) {
             Some(task) => (MissionKind::from(&task.kind), self.share_of(task)),
-            None => (self.by_file.kind(), Ok(self.by_file.clone())),
+            None => (kind_of(self.by_file.as_ref()), Ok(self.by_file.clone())),
         };
         let is_news = (kind, &task) != (self.kind, &self.task);
         (self.kind, self.task) = (kind, task);
         is_news
     }
 
-    /// Returns what of a task is this vehicle's to do.
-    fn share_of(&self, task: &proto::Task) -> Result<Task, MissionRefusal> {
+    /// Returns what of a task is this vehicle's to do; `None` = to follow the ground's plan.
+    fn share_of(&self, task: &Task) -> Result<Option<TaskKind>, MissionRefusal> {
         let Some(index) = task.members.iter().position(|member| *member == self.vehicle) else {
             return Err(MissionRefusal::NoPlace);
         };
-        let share = Task::from(&task.kind).share(index, task.members.len());
-        if share.is_planned_by_ground() {
-            return Ok(share);
+        if MissionKind::from(&task.kind) == MissionKind::Sweep {
+            return Ok(None);
         }
         if self.is_blind {
             return Err(MissionRefusal::NotCapable);
         }
-        let is_inside = share.places().iter().all(|at| self.fence.contains(*at));
-        if is_inside { Ok(share) } else { Err(MissionRefusal::OutsideFence) }
+        let share = share(&task.kind, index, task.members.len());
+        let is_inside = share.places().into_iter().all(|at| self.fence.contains(Point::from(at)));
+        if is_inside { Ok(Some(share)) } else { Err(MissionRefusal::OutsideFence) }
     }
+}
+
+/// Returns the kind of a mission of its own; without one it sweeps.
+fn kind_of(task: Option<&TaskKind>) -> MissionKind {
+    task.map_or(MissionKind::Sweep, MissionKind::from)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::geom::Point;
     use crate::node::tests_support::settings;
-    use tomoswarm_proto::{Position, TaskKind};
+    use tomoswarm_proto::Position;
 
-    fn task(run: u32, kind: TaskKind) -> proto::Task {
+    fn task(run: u32, kind: TaskKind) -> Task {
         let members = vec![VehicleId(1), VehicleId(3)];
-        proto::Task { lease: Default::default(), run: RunId(run), members, compare_with: None, kind }
+        Task { lease: Default::default(), run: RunId(run), members, compare_with: None, kind }
     }
 
     fn places(all: &[(f64, f64)]) -> Vec<Position> {
         all.iter().map(|(x_m, y_m)| Position::from_metres(*x_m, *y_m, 0.0)).collect()
     }
 
-    fn points(all: &[(f64, f64)]) -> Vec<Point> {
-        all.iter().map(|(x_m, y_m)| Point::new(*x_m, *y_m)).collect()
-    }
-
     /// What a vehicle that is started in run 3 makes of a task of that run.
-    fn taken(vehicle: u8, kind: TaskKind) -> Result<Task, MissionRefusal> {
+    fn taken(vehicle: u8, kind: TaskKind) -> Result<Option<TaskKind>, MissionRefusal> {
         let mut assignment = Assignment::by_file(&settings(vehicle));
         assignment.hear(&task(3, kind));
-        assert_eq!(assignment.task(), Ok(&Task::Sweep), "it moves nobody");
+        assert_eq!(assignment.task(), Ok(None), "it moves nobody");
         assignment.start(RunId(3));
-        assignment.task().cloned()
+        assignment.task().map(Option::<&TaskKind>::cloned)
     }
 
     #[test]
     fn every_member_takes_its_share_of_a_task() {
         let round = [(0.0, 0.0), (4.0, 0.0), (4.0, 4.0), (0.0, 0.0)];
         let from_second = [(4.0, 0.0), (4.0, 4.0), (0.0, 0.0), (4.0, 0.0)];
-        let legs = TaskKind::Legs { places: places(&round) };
-        assert_eq!(taken(1, legs.clone()), Ok(Task::Legs(points(&round))));
-        assert_eq!(taken(3, legs), Ok(Task::Legs(points(&from_second))));
-        let visits = TaskKind::Pathfind { places: places(&round) };
-        assert_eq!(taken(1, visits.clone()), Ok(Task::Pathfind(points(&[(0.0, 0.0), (4.0, 4.0)]))));
-        assert_eq!(taken(3, visits), Ok(Task::Pathfind(points(&[(4.0, 0.0), (0.0, 0.0)]))));
-        assert_eq!(taken(3, TaskKind::Forward { distance_mm: 2500 }), Ok(Task::Forward(2.5)));
-        for (kind, expected) in [
-            (TaskKind::Browse, Task::Browse),
-            (TaskKind::Search, Task::Search),
-            (TaskKind::Explore, Task::Explore),
-        ] {
-            assert_eq!(taken(1, kind), Ok(expected));
+        let legs = |all: &[(f64, f64)]| TaskKind::Legs { places: places(all) };
+        assert_eq!(taken(1, legs(&round)), Ok(Some(legs(&round))));
+        assert_eq!(taken(3, legs(&round)), Ok(Some(legs(&from_second))));
+        let visits = |all: &[(f64, f64)]| TaskKind::Pathfind { places: places(all) };
+        assert_eq!(taken(1, visits(&round)), Ok(Some(visits(&[(0.0, 0.0), (4.0, 4.0)]))));
+        assert_eq!(taken(3, visits(&round)), Ok(Some(visits(&[(4.0, 0.0), (0.0, 0.0)]))));
+        for whole in
+            [TaskKind::Forward { distance_mm: 2500 }, TaskKind::Browse, TaskKind::Search, TaskKind::Explore]
+        {
+            assert_eq!(taken(3, whole.clone()), Ok(Some(whole)));
         }
     }
 
@@ -199,27 +197,27 @@ mod tests {
     fn a_task_of_an_earlier_run_is_passed_over_and_of_the_present_one_the_newest_counts_at_once() {
         let mut assignment = Assignment::by_file(&settings(1));
         assignment.start(RunId(3));
-        assert_eq!(assignment.task(), Ok(&Task::Sweep));
+        assert_eq!(assignment.task(), Ok(None));
         assert!(!assignment.hear(&task(2, TaskKind::Explore)));
         assert!(assignment.hear(&task(3, TaskKind::Explore)), "after its start it counts at once");
         assert!(!assignment.hear(&task(3, TaskKind::Explore)), "and is no news again");
         assert!(assignment.hear(&task(3, TaskKind::Browse)), "the newest counts");
         assert!(!assignment.hear(&task(4, TaskKind::Search)));
-        assert_eq!(assignment.task(), Ok(&Task::Browse), "another run is another one's");
+        assert_eq!(assignment.task(), Ok(Some(&TaskKind::Browse)), "another run is another one's");
     }
 
     #[test]
     fn another_run_begins_anew_and_without_a_task_as_the_file_says() {
-        let by_file = Settings { task: Task::Search, ..settings(1) };
+        let by_file = Settings { task: Some(TaskKind::Search), ..settings(1) };
         let mut assignment = Assignment::by_file(&by_file);
         assignment.hear(&task(3, TaskKind::Explore));
         assert!(assignment.start(RunId(2)));
-        assert_eq!(assignment.task(), Ok(&Task::Search));
+        assert_eq!(assignment.task(), Ok(Some(&TaskKind::Search)));
         assert!(!assignment.start(RunId(2)), "it goes on");
         assert!(assignment.start(RunId(3)));
-        assert_eq!((assignment.task(), assignment.run()), (Ok(&Task::Explore), RunId(3)));
+        assert_eq!((assignment.task(), assignment.run()), (Ok(Some(&TaskKind::Explore)), RunId(3)));
         assert!(assignment.start(RunId(4)));
-        assert_eq!(assignment.task(), Ok(&Task::Search));
+        assert_eq!(assignment.task(), Ok(Some(&TaskKind::Search)));
     }
 
     #[test]
@@ -229,8 +227,8 @@ mod tests {
         for run in 3..3000 {
             assignment.hear(&task(run, TaskKind::Explore));
         }
-        assert_eq!((assignment.tasks.len(), assignment.task()), (RUNS_MAX, Ok(&Task::Explore)));
+        assert_eq!((assignment.tasks.len(), assignment.task()), (RUNS_MAX, Ok(Some(&TaskKind::Explore))));
         assignment.start(RunId(2999));
-        assert_eq!(assignment.task(), Ok(&Task::Explore), "the newest is kept as well");
+        assert_eq!(assignment.task(), Ok(Some(&TaskKind::Explore)), "the newest is kept as well");
     }
 }

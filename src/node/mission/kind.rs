@@ -2,7 +2,8 @@
 //! Each is told what is seen and says the next step. How a step is carried out, how room is made for peers and how the
 //! vehicle goes home is the same for all kinds: see `runner`.
 //!
-//! Adding a kind: its file here, its lines in the lists below, its declaration in `config/task.rs` and on the wire.
+//! Adding a kind: its declaration in `proto/src/message/task.rs` (how it travels, its word, its parameters), its file here,
+//! and its lines in the lists below. The rest follows from these three.
 //!
 //! Deliberately absent: commands. A kind neither drives nor waits by itself, and knows of no order.
 
@@ -12,7 +13,7 @@ mod seek;
 mod straight;
 
 use serde::{Deserialize, Serialize};
-use tomoswarm_proto::TileAddress;
+use tomoswarm_proto::{Position, TaskKind, TileAddress};
 
 use self::browse::Browse;
 use self::pathfind::Pathfind;
@@ -21,8 +22,8 @@ use self::straight::Straight;
 use super::End;
 use super::pilot::Pilot;
 use crate::geom::{Angle, Cell, Point, Pose};
+use crate::node::Settings;
 use crate::node::peers::Peers;
-use crate::node::{Settings, Task};
 use crate::time::Time;
 
 /// What a mission is told.
@@ -144,14 +145,16 @@ pub enum Kind {
 impl Kind {
     /// Makes the mission of a task; `None` when the ground station plans.
     pub fn of(settings: &Settings) -> Option<Kind> {
-        Some(match &settings.task {
-            Task::Sweep => return None,
-            Task::Legs(places) => Kind::Straight(Straight::along(places)),
-            Task::Forward(distance_m) => Kind::Straight(Straight::ahead(*distance_m)),
-            Task::Browse => Kind::Browse(Browse::default()),
-            Task::Pathfind(places) => Kind::Pathfind(Pathfind::to(places)),
-            Task::Search => Kind::Seek(Box::new(Seek::new(settings, Preference::NearObjects))),
-            Task::Explore => Kind::Seek(Box::new(Seek::new(settings, Preference::FarFromPeers))),
+        let points = |places: &[Position]| places.iter().map(|at| Point::from(*at)).collect::<Vec<_>>();
+        let metres = |length_mm: u32| f64::from(length_mm) / 1000.0;
+        Some(match settings.task.as_ref()? {
+            TaskKind::Sweep { .. } => return None,
+            TaskKind::Legs { places } => Kind::Straight(Straight::along(&points(places))),
+            TaskKind::Forward { distance_mm } => Kind::Straight(Straight::ahead(metres(*distance_mm))),
+            TaskKind::Browse => Kind::Browse(Browse::default()),
+            TaskKind::Pathfind { places } => Kind::Pathfind(Pathfind::to(&points(places))),
+            TaskKind::Search => Kind::Seek(Box::new(Seek::new(settings, Preference::NearObjects))),
+            TaskKind::Explore => Kind::Seek(Box::new(Seek::new(settings, Preference::FarFromPeers))),
         })
     }
 

@@ -25,6 +25,7 @@ mod pilot;
 mod report;
 mod returning;
 mod runner;
+mod share;
 mod way;
 
 use std::collections::BTreeSet;
@@ -56,6 +57,7 @@ use crate::time::{Deadline, Time};
 pub use autonomy::Cause;
 pub use home::{HOME_M, farthest_m as home_farthest_m, is_at_home};
 pub use messages::{End, In, Key, MissionStatus, Out, Remark};
+pub(super) use share::share;
 
 /// Progress is repeated this often.
 const REPEAT_EVERY: Duration = Duration::from_secs(1);
@@ -338,7 +340,7 @@ impl Mission {
         if let Some(state) = &self.state {
             self.pilot.give_up(state.pose.at);
         }
-        self.settings.task = self.assignment.task().cloned().unwrap_or_default();
+        self.settings.task = self.assignment.task().ok().flatten().cloned();
         self.runner = StepRunner::of(&self.settings);
         if self.assignment.is_own() {
             self.plan.leave();

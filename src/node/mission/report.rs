@@ -102,13 +102,12 @@ fn end_on_wire(end: &End) -> MissionEnd {
 
 #[cfg(test)]
 mod tests {
-    use tomoswarm_proto::{MissionKind, MissionRefusal, OrderKind};
+    use tomoswarm_proto::{MissionKind, MissionRefusal, OrderKind, TaskKind};
 
     use super::super::tests::{at, order, plan, planned, told};
     use super::*;
     use crate::actor::Actor;
     use crate::geom::Point;
-    use crate::node::Task;
     use crate::node::mission::In;
     use crate::node::tests_support::{own_state, settings};
 
@@ -163,8 +162,8 @@ mod tests {
 
     #[test]
     fn a_mission_of_its_own_has_places_left_and_no_share() {
-        let places = vec![Point::new(2.0, 0.0), Point::new(2.0, 2.0)];
-        let task = Task::Pathfind(places);
+        let places = vec![Point::new(2.0, 0.0).into(), Point::new(2.0, 2.0).into()];
+        let task = Some(TaskKind::Pathfind { places });
         let mut mission = Mission::new(crate::node::Settings { task, ..settings(1) });
         told(&mut mission, 1.0, In::State(own_state(0.0, 0.0)));
         told(&mut mission, 1.1, order(OrderKind::Start));

@@ -106,7 +106,7 @@ impl Director {
             runs: BTreeMap::new(),
             home: BTreeSet::new(),
             lost_after: sim.venue.swarm.lost_after(),
-            is_swept: sim.task.is_planned_by_ground(),
+            is_swept: sim.is_planned_by_ground(),
             ended: BTreeMap::new(),
             diary: Diary::default(),
         }

@@ -7,7 +7,7 @@ use tomoswarm_proto::{RunId, VehicleId};
 
 use crate::config::{
     self, BusFile, Config, Drivers, Endpoint, GroundFile, Mission, OperatorFile, PoseFile, Protocol, Record,
-    Sim, Task, Topology, VehicleFile, World,
+    Sim, Topology, VehicleFile, World,
 };
 
 /// What recordings of one node may take, megabytes.
@@ -67,7 +67,7 @@ impl Places {
             home: sim.home(id).unwrap_or_default(),
             state_dir: format!("state/vehicle-{id}"),
             mission: Mission::default(),
-            task: Task::Sweep,
+            task: None,
             drivers: Drivers::SIMULATED,
             body: sim.vehicles.body,
             look: sim.range.look.clone(),

@@ -86,7 +86,7 @@ pub fn outcome(
 }
 
 fn unended(scenario: &Scenario) -> &'static str {
-    match scenario.sim().task.is_planned_by_ground() {
+    match scenario.sim().is_planned_by_ground() {
         true => "the sweep did not end",
         false => "not every mission has ended",
     }

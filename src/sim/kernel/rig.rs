@@ -77,7 +77,7 @@ fn settings() -> Settings {
         radio: RadioSettings { channel: 15, power_dbm: 0, slot: Duration::from_millis(50) },
         safety: crate::config::Safety { padding_m: 0.1, ..Default::default() },
         swarm: crate::config::Swarm::default(),
-        task: crate::node::Task::Sweep,
+        task: None,
         path_time: Duration::from_millis(50),
         autopilot: crate::autopilot::Settings::default(),
     }

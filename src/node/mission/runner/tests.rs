@@ -1,9 +1,8 @@
 //! How steps are carried out, whoever says them: a vehicle at a place, on ground that is free for 6 m around the datum.
 
-use tomoswarm_proto::{State, VehicleId};
+use tomoswarm_proto::{State, TaskKind, VehicleId};
 
 use super::*;
-use crate::node::Task;
 use crate::node::mission::In;
 use crate::node::mission::tests::{at, tiles};
 use crate::node::tests_support::{own_state, settings, state};
@@ -17,8 +16,8 @@ struct Rig {
 }
 
 impl Rig {
-    fn new(task: Task) -> Rig {
-        let settings = Settings { task, ..settings(1) };
+    fn new(task: TaskKind) -> Rig {
+        let settings = Settings { task: Some(task), ..settings(1) };
         let mut pilot = Pilot::new(settings.clone());
         for tile in tiles(None) {
             let In::Tile(tile) = tile else { continue };
@@ -74,7 +73,7 @@ impl Rig {
 #[test]
 fn a_place_that_is_reached_is_said_and_after_the_last_one_the_vehicle_goes_home() {
     let place = Point::new(3.0, 2.0);
-    let mut rig = Rig::new(Task::Legs(vec![place]));
+    let mut rig = Rig::new(TaskKind::Legs { places: vec![place.into()] });
     rig.go_on(&[]);
     assert_eq!(rig.pilot.way().end(), place);
     rig.arrive();
@@ -89,7 +88,7 @@ fn a_place_that_is_reached_is_said_and_after_the_last_one_the_vehicle_goes_home(
 #[test]
 fn a_step_that_was_interrupted_is_begun_again() {
     let place = Point::new(3.0, 2.0);
-    let mut rig = Rig::new(Task::Legs(vec![place]));
+    let mut rig = Rig::new(TaskKind::Legs { places: vec![place.into()] });
     rig.go_on(&[]);
     rig.pilot.give_up(Point::new(3.0, 0.0));
     rig.runner.interrupt(at(rig.now_s));
@@ -100,7 +99,7 @@ fn a_step_that_was_interrupted_is_begun_again() {
 
 #[test]
 fn a_look_around_turns_once_around_and_then_the_mission_goes_on() {
-    let mut rig = Rig::new(Task::Browse);
+    let mut rig = Rig::new(TaskKind::Browse);
     let out = rig.go_on(&[]);
     assert!(matches!(out[..], [Out::Command(_, Command::Turn(_))]), "{out:?}");
     assert_eq!(rig.run(10), [], "it takes its time");
@@ -109,7 +108,7 @@ fn a_look_around_turns_once_around_and_then_the_mission_goes_on() {
 
 #[test]
 fn what_stands_in_the_way_of_a_straight_leg_ends_it_there() {
-    let mut rig = Rig::new(Task::Forward(2.0));
+    let mut rig = Rig::new(TaskKind::Forward { distance_mm: 2000 });
     rig.go_on(&[]);
     let wall = Point::new(4.0, 0.0);
     let out = rig.go_on(&[Met::Blocked(wall)]);
@@ -120,7 +119,7 @@ fn what_stands_in_the_way_of_a_straight_leg_ends_it_there() {
 #[test]
 fn a_place_to_which_no_way_leads_is_passed_over() {
     let (outside, inside) = (Point::new(30.0, 0.0), Point::new(3.0, 2.0));
-    let mut rig = Rig::new(Task::Pathfind(vec![outside, inside]));
+    let mut rig = Rig::new(TaskKind::Pathfind { places: vec![outside.into(), inside.into()] });
     let remarks = rig.run(100);
     assert!(matches!(remarks[..], [Remark::NoWay(..), Remark::Passed(_)]), "{remarks:?}");
     assert_eq!(rig.pilot.way().end(), inside);
@@ -132,7 +131,7 @@ fn a_place_to_which_no_way_leads_is_passed_over() {
 #[test]
 fn who_is_stopped_again_and_again_without_moving_gives_the_place_up() {
     let place = Point::new(3.0, 2.0);
-    let mut rig = Rig::new(Task::Pathfind(vec![place]));
+    let mut rig = Rig::new(TaskKind::Pathfind { places: vec![place.into()] });
     let mut remarks = Vec::new();
     for _ in 0..100 {
         remarks.extend(rig.run(120));
@@ -144,7 +143,7 @@ fn who_is_stopped_again_and_again_without_moving_gives_the_place_up() {
 #[test]
 fn peers_that_never_make_room_end_the_mission_at_last() {
     let place = Point::new(3.0, 2.0);
-    let mut rig = Rig::new(Task::Pathfind(vec![place]));
+    let mut rig = Rig::new(TaskKind::Pathfind { places: vec![place.into()] });
     let mut remarks = Vec::new();
     for sequence in 1..400 {
         let peer = State { sequence, ..state(2, place.x_m, place.y_m) };

@@ -1,0 +1,271 @@
+//! A mission that an operator gives, and the one declaration of what missions there are: each kind stands here with its
+//! word, its parameters, what files and people may say of them, and how its members share them. Files, operators, ground
+//! station and vehicles read them here. What a vehicle does in a mission is not known here.
+//!
+//! Adding a kind: its variants at the end of [`TaskKind`] and [`MissionKind`], and its lines in their functions below.
+
+use std::ops::RangeInclusive;
+
+use serde::{Deserialize, Serialize};
+
+use crate::check::{COORDINATE_MAX_MM, Verdict, require};
+use crate::{Lease, Position, RunId, VehicleId};
+
+/// Places of a task at most; there is at least one.
+pub const TASK_PLACES_MAX: usize = 1000;
+
+/// A mission for some vehicles, given by an operator to them and to the ground station. It moves nobody: that takes an
+/// order to start.
+#[derive(Clone, PartialEq, Eq, Debug, Serialize, Deserialize)]
+pub struct Task {
+    /// By whose right.
+    pub lease: Lease,
+    /// The run that it is; another task is another run.
+    pub run: RunId,
+    /// Who takes part, ascending; at least one.
+    pub members: Vec<VehicleId>,
+    /// The run whose samples stand for the place without what is looked for; `None` = no such run.
+    pub compare_with: Option<RunId>,
+    /// What is to be done.
+    pub kind: TaskKind,
+}
+
+/// A mission with its parameters.
+#[derive(Clone, PartialEq, Eq, Debug, Serialize, Deserialize)]
+pub enum TaskKind {
+    /// Vehicles follow the plans of the ground station and measure.
+    Sweep {
+        /// How the stops are chosen.
+        planner: SweepPlanner,
+        /// Positions on the border of the area.
+        positions: u16,
+        /// Laps or rounds; `None` = as many as the planner needs.
+        laps: Option<u16>,
+        /// How long a vehicle stays at a stop, milliseconds.
+        dwell_ms: u32,
+        /// How long it stays at most while it waits for a partner, milliseconds.
+        dwell_limit_ms: u32,
+    },
+    /// Straight from place to place, ending in front of what stands there. The members begin at different places: the
+    /// first member at the first, the second at the second, and so on.
+    Legs {
+        /// The places, in order.
+        places: Vec<Position>,
+    },
+    /// Straight ahead as each stands, ending in front of what stands there.
+    Forward {
+        /// How far, millimetres.
+        distance_mm: u32,
+    },
+    /// Each looks around where it stands.
+    Browse,
+    /// Each looks at everything that it can get to, what is near to objects first.
+    Search,
+    /// The members share the places and visit them on paths around what they see.
+    Pathfind {
+        /// The places.
+        places: Vec<Position>,
+    },
+    /// All together look at everything that can be reached.
+    Explore,
+}
+
+/// What a vehicle is out for, without its parameters (see [`TaskKind`]).
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Debug, Default, Serialize, Deserialize)]
+pub enum MissionKind {
+    /// It follows the plans of the ground station and measures.
+    #[default]
+    Sweep,
+    /// Straight from place to place.
+    Legs,
+    /// Straight ahead as it stands.
+    Forward,
+    /// It looks around where it stands.
+    Browse,
+    /// It looks at everything that it can get to.
+    Search,
+    /// It visits places on paths around what it sees.
+    Pathfind,
+    /// All vehicles together look at everything that can be reached.
+    Explore,
+}
+
+impl MissionKind {
+    /// Returns the word that people read.
+    pub fn word(self) -> &'static str {
+        match self {
+            MissionKind::Sweep => "sweep",
+            MissionKind::Legs => "legs",
+            MissionKind::Forward => "forward",
+            MissionKind::Browse => "browse",
+            MissionKind::Search => "search",
+            MissionKind::Pathfind => "pathfind",
+            MissionKind::Explore => "explore",
+        }
+    }
+}
+
+impl From<&TaskKind> for MissionKind {
+    fn from(task: &TaskKind) -> MissionKind {
+        match task {
+            TaskKind::Sweep { .. } => MissionKind::Sweep,
+            TaskKind::Legs { .. } => MissionKind::Legs,
+            TaskKind::Forward { .. } => MissionKind::Forward,
+            TaskKind::Browse => MissionKind::Browse,
+            TaskKind::Search => MissionKind::Search,
+            TaskKind::Pathfind { .. } => MissionKind::Pathfind,
+            TaskKind::Explore => MissionKind::Explore,
+        }
+    }
+}
+
+impl TaskKind {
+    /// Returns one of each kind that files name by [`MissionKind::word`], in the order in which people are told them, with
+    /// lengths of 0 and without places. Of sweeps and legs files say more than their kind, by words of their own.
+    pub fn named_in_files() -> Vec<TaskKind> {
+        vec![
+            TaskKind::Forward { distance_mm: 0 },
+            TaskKind::Browse,
+            TaskKind::Search,
+            TaskKind::Pathfind { places: Vec::new() },
+            TaskKind::Explore,
+        ]
+    }
+
+    /// Returns its parameters, to be read or set. Those of a sweep are numbers of the ground station's planner, and not among
+    /// them.
+    pub fn parameters(&mut self) -> Vec<TaskParameter<'_>> {
+        match self {
+            TaskKind::Legs { places } => {
+                vec![TaskParameter::Places(places, PlaceSharing::EachBeginsElsewhere)]
+            }
+            TaskKind::Pathfind { places } => vec![TaskParameter::Places(places, PlaceSharing::InTurn)],
+            TaskKind::Forward { distance_mm } => {
+                let (default_mm, allowed_mm) = (5000, 100..=1_000_000);
+                let length = TaskLength { name: "distance_m", default_mm, allowed_mm, means: "how far" };
+                vec![TaskParameter::Length(distance_mm, length)]
+            }
+            TaskKind::Sweep { .. } | TaskKind::Browse | TaskKind::Search | TaskKind::Explore => Vec::new(),
+        }
+    }
+
+    /// Returns all places that it names, in their order.
+    pub fn places(&self) -> Vec<Position> {
+        let mut task = self.clone();
+        let places = task.parameters().into_iter().filter_map(|parameter| match parameter {
+            TaskParameter::Places(places, _) => Some(std::mem::take(places)),
+            TaskParameter::Length(..) => None,
+        });
+        places.flatten().collect()
+    }
+
+    /// Returns why it is impossible, if it is.
+    pub(crate) fn check(&self) -> Verdict {
+        if let TaskKind::Sweep { dwell_ms, dwell_limit_ms, .. } = self {
+            require(dwell_ms <= dwell_limit_ms, "a dwell is at most its limit")?;
+        }
+        let mut task = self.clone();
+        task.parameters().iter().try_for_each(TaskParameter::check)
+    }
+}
+
+/// A parameter of a task.
+#[derive(PartialEq, Eq, Debug)]
+pub enum TaskParameter<'a> {
+    /// A length, millimetres, and what may be said of it.
+    Length(&'a mut u32, TaskLength),
+    /// Places in the venue's frame, 1 to [`TASK_PLACES_MAX`], and what of them is whose.
+    Places(&'a mut Vec<Position>, PlaceSharing),
+}
+
+impl TaskParameter<'_> {
+    /// Returns why it is impossible, if it is. What files allow of a length may change without a new wire.
+    fn check(&self) -> Verdict {
+        match self {
+            TaskParameter::Length(length_mm, _) => require(
+                **length_mm < COORDINATE_MAX_MM.unsigned_abs(),
+                "a distance of a task is under 1000 km",
+            ),
+            TaskParameter::Places(places, _) => {
+                let is_allowed = (1..=TASK_PLACES_MAX).contains(&places.len());
+                require(is_allowed, "a task of places has 1 to 1000 of them")?;
+                places.iter().try_for_each(Position::check)
+            }
+        }
+    }
+}
+
+/// What files and people may say of a length.
+#[derive(Clone, PartialEq, Eq, Debug)]
+pub struct TaskLength {
+    /// Its key, which ends in `_m`: there it is said in metres.
+    pub name: &'static str,
+    /// What it is when it is left out, millimetres.
+    pub default_mm: u32,
+    /// From where to where it is allowed, millimetres; on the wire it is anything under 1000 km.
+    pub allowed_mm: RangeInclusive<u32>,
+    /// What it means.
+    pub means: &'static str,
+}
+
+/// What of the places of a task is whose.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub enum PlaceSharing {
+    /// All are everybody's, and each member begins at another one in their order, so that they do not all head for the same.
+    EachBeginsElsewhere,
+    /// Each is one member's: the members take them in turn.
+    InTurn,
+}
+
+/// How the next stops of a sweep are chosen.
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Debug, Serialize, Deserialize)]
+pub enum SweepPlanner {
+    /// All drive laps at a constant gap and measure while driving; the gap changes between laps.
+    RotatingGap,
+    /// One stands, the others drive.
+    Fan,
+    /// Each of two drives round to all points but the other's.
+    Calibrate,
+    /// One of two stands on a corner while the other drives the three sides before it.
+    FanCorners,
+    /// Two drive along opposite sides, then one along the two sides opposite to the other.
+    FanStraight,
+}
+
+#[cfg(test)]
+mod tests {
+    use serde::de::IntoDeserializer;
+    use serde::de::value::Error;
+
+    use super::*;
+
+    /// Returns the kinds of the wire, in its order.
+    fn kinds() -> Vec<MissionKind> {
+        let of_number =
+            |number: u32| MissionKind::deserialize(IntoDeserializer::<Error>::into_deserializer(number));
+        (0..).map_while(|number| of_number(number).ok()).collect()
+    }
+
+    #[test]
+    fn files_name_every_kind_but_sweeps_and_legs_each_by_a_word_of_its_own() {
+        let named: Vec<MissionKind> = TaskKind::named_in_files().iter().map(MissionKind::from).collect();
+        let mut expected = kinds();
+        expected.retain(|kind| ![MissionKind::Sweep, MissionKind::Legs].contains(kind));
+        assert_eq!(named, expected);
+        let words: std::collections::BTreeSet<&str> = kinds().into_iter().map(MissionKind::word).collect();
+        assert_eq!(words.len(), kinds().len());
+    }
+
+    #[test]
+    fn what_a_file_may_say_of_a_length_can_travel() {
+        for mut task in TaskKind::named_in_files() {
+            for parameter in task.parameters() {
+                let TaskParameter::Length(_, length) = parameter else { continue };
+                let mut longest_mm = *length.allowed_mm.end();
+                assert!(length.name.ends_with("_m"), "{length:?}");
+                assert!(length.allowed_mm.contains(&length.default_mm), "{length:?}");
+                assert_eq!(TaskParameter::Length(&mut longest_mm, length).check(), Ok(()));
+            }
+        }
+    }
+}
