@@ -28,7 +28,7 @@ pub use message::{
     MissionRefusal, Mode, Order, OrderKind, Ordered, PlaceSharing, Plan, Power, Progress, RadioHealth,
     RadioKind, RangeHealth, RangeSensorKind, RecordingHealth, Rectangle, Report, RunEnd, RunReport, Sample,
     Samples, SeenState, ServoKind, StandReason, Standing, State, StationPhase, Stop, StopScope, SweepPlanner,
-    TASK_PLACES_MAX, TILE_CELLS, TILE_SIDE, Task, TaskKind, TaskLength, TaskParameter, TileAddress,
+    TASK_PLACES_MAX, TILE_CELLS, TILE_SIDE, Task, TaskKind, TaskNumber, TaskParameter, TaskUnit, TileAddress,
     TileReport, WATERMARKS_ALWAYS, Want,
 };
 pub use units::{Deviation, Heading, Permille, PoseReport, Position, Tilt, Velocity};

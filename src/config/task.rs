@@ -3,11 +3,13 @@
 //! ([`TaskKind`]); here stand how a file says places, and the words that are other ways to say a sweep or legs. What a
 //! mission does with its places is decided by the vehicle, see `node::mission`.
 
-use tomoswarm_proto::{MissionKind, Position, TASK_PLACES_MAX, TaskKind, TaskLength, TaskParameter};
+use tomoswarm_proto::{
+    MissionKind, Position, TASK_PLACES_MAX, TaskKind, TaskNumber, TaskParameter, TaskUnit,
+};
 
 use super::Loader;
 use super::forms::{FileName, MaybePlace, places};
-use super::keys::{Bounds, Entry, Form, Keyed, Keys, Number, Word, Words};
+use super::keys::{Bounds, Entry, Form, Keyed, Keys, Number, Whole, Word, Words};
 use super::mission::Planner;
 use super::problem::Problems;
 use super::section::Section;
@@ -25,7 +27,7 @@ enum WrittenKind {
     Square,
     /// Straight from place to place.
     Waypoints,
-    /// A mission with the word that it travels by; it has its lengths, and no places yet.
+    /// A mission with the word that it travels by; it has its numbers, and no places yet.
     Named(TaskKind),
 }
 
@@ -129,7 +131,7 @@ impl Mission {
                 let mut task = task.clone();
                 for parameter in task.parameters() {
                     match parameter {
-                        TaskParameter::Length(..) => {}
+                        TaskParameter::Number(..) => {}
                         TaskParameter::Places(list, _) => {
                             *list = positions(places.list_or_corners(source, venue, loader));
                         }
@@ -151,21 +153,31 @@ impl Keyed for Mission {
             WrittenKind::Square => places.square_keys(to),
             WrittenKind::Waypoints => places.list_keys(true, to),
             WrittenKind::Named(task) => task.parameters().into_iter().for_each(|parameter| match parameter {
-                TaskParameter::Length(length_mm, length) => length_key(length_mm, length, to),
+                TaskParameter::Number(value, number) => number_key(value, number, to),
                 TaskParameter::Places(..) => places.list_or_square_keys(to),
             }),
         }
     }
 }
 
-/// Shows a length, which is written in metres.
-fn length_key(length_mm: &mut u32, length: TaskLength, to: &mut dyn Keys) {
-    let metres = |mm: u32| f64::from(mm) / 1000.0;
-    let TaskLength { name, default_mm, allowed_mm, means } = length;
-    let allowed = metres(*allowed_mm.start())..=metres(*allowed_mm.end());
-    let mut length_m = metres(*length_mm);
-    to.number(&mut length_m, Number { name, default: metres(default_mm), allowed, means });
-    *length_mm = (length_m * 1000.0).round() as u32;
+/// Shows a number: lengths are written in metres, times in seconds.
+fn number_key(value: &mut u32, number: TaskNumber, to: &mut dyn Keys) {
+    let TaskNumber { name, unit, default, allowed, means } = number;
+    match unit {
+        TaskUnit::Millimetre | TaskUnit::Millisecond => {
+            let written = |thousandths: u32| f64::from(thousandths) / 1000.0;
+            let allowed = written(*allowed.start())..=written(*allowed.end());
+            let mut number = written(*value);
+            to.number(&mut number, Number { name, default: written(default), allowed, means });
+            *value = (number * 1000.0).round() as u32;
+        }
+        TaskUnit::One => {
+            let allowed = *allowed.start() as usize..=*allowed.end() as usize;
+            let mut number = *value as usize;
+            to.whole(&mut number, Whole { name, default: default as usize, allowed, means });
+            *value = u32::try_from(number).unwrap_or(u32::MAX);
+        }
+    }
 }
 
 /// The places of a mission as they are written.

@@ -29,7 +29,8 @@ pub use report::{Report, RunEnd, RunReport, StationPhase};
 pub use samples::{Have, HeardFrom, LostSamples, Sample, Samples, WATERMARKS_ALWAYS};
 pub use state::{Control, LegReport, Mode, Ordered, StandReason, State};
 pub use task::{
-    MissionKind, PlaceSharing, SweepPlanner, TASK_PLACES_MAX, Task, TaskKind, TaskLength, TaskParameter,
+    MissionKind, PlaceSharing, SweepPlanner, TASK_PLACES_MAX, Task, TaskKind, TaskNumber, TaskParameter,
+    TaskUnit,
 };
 
 use crate::{Kind, Sender};

@@ -121,7 +121,7 @@ impl From<&TaskKind> for MissionKind {
 
 impl TaskKind {
     /// Returns one of each kind that files name by [`MissionKind::word`], in the order in which people are told them, with
-    /// lengths of 0 and without places. Of sweeps and legs files say more than their kind, by words of their own.
+    /// numbers of 0 and without places. Of sweeps and legs files say more than their kind, by words of their own.
     pub fn named_in_files() -> Vec<TaskKind> {
         vec![
             TaskKind::Forward { distance_mm: 0 },
@@ -141,9 +141,9 @@ impl TaskKind {
             }
             TaskKind::Pathfind { places } => vec![TaskParameter::Places(places, PlaceSharing::InTurn)],
             TaskKind::Forward { distance_mm } => {
-                let (default_mm, allowed_mm) = (5000, 100..=1_000_000);
-                let length = TaskLength { name: "distance_m", default_mm, allowed_mm, means: "how far" };
-                vec![TaskParameter::Length(distance_mm, length)]
+                let (name, unit, means) = ("distance_m", TaskUnit::Millimetre, "how far");
+                let far = TaskNumber { name, unit, default: 5000, allowed: 100..=1_000_000, means };
+                vec![TaskParameter::Number(distance_mm, far)]
             }
             TaskKind::Sweep { .. } | TaskKind::Browse | TaskKind::Search | TaskKind::Explore => Vec::new(),
         }
@@ -154,7 +154,7 @@ impl TaskKind {
         let mut task = self.clone();
         let places = task.parameters().into_iter().filter_map(|parameter| match parameter {
             TaskParameter::Places(places, _) => Some(std::mem::take(places)),
-            TaskParameter::Length(..) => None,
+            TaskParameter::Number(..) => None,
         });
         places.flatten().collect()
     }
@@ -172,20 +172,20 @@ impl TaskKind {
 /// A parameter of a task.
 #[derive(PartialEq, Eq, Debug)]
 pub enum TaskParameter<'a> {
-    /// A length, millimetres, and what may be said of it.
-    Length(&'a mut u32, TaskLength),
+    /// A number in its unit, and what may be said of it.
+    Number(&'a mut u32, TaskNumber),
     /// Places in the venue's frame, 1 to [`TASK_PLACES_MAX`], and what of them is whose.
     Places(&'a mut Vec<Position>, PlaceSharing),
 }
 
 impl TaskParameter<'_> {
-    /// Returns why it is impossible, if it is. What files allow of a length may change without a new wire.
+    /// Returns why it is impossible, if it is. What files allow of a number may change without a new wire.
     fn check(&self) -> Verdict {
         match self {
-            TaskParameter::Length(length_mm, _) => require(
-                **length_mm < COORDINATE_MAX_MM.unsigned_abs(),
-                "a distance of a task is under 1000 km",
-            ),
+            TaskParameter::Number(number, TaskNumber { unit: TaskUnit::Millimetre, .. }) => {
+                require(**number < COORDINATE_MAX_MM.unsigned_abs(), "a distance of a task is under 1000 km")
+            }
+            TaskParameter::Number(..) => Ok(()),
             TaskParameter::Places(places, _) => {
                 let is_allowed = (1..=TASK_PLACES_MAX).contains(&places.len());
                 require(is_allowed, "a task of places has 1 to 1000 of them")?;
@@ -195,17 +195,31 @@ impl TaskParameter<'_> {
     }
 }
 
-/// What files and people may say of a length.
+/// What files and people may say of a number.
 #[derive(Clone, PartialEq, Eq, Debug)]
-pub struct TaskLength {
-    /// Its key, which ends in `_m`: there it is said in metres.
+pub struct TaskNumber {
+    /// Its key, which ends as its unit says.
     pub name: &'static str,
-    /// What it is when it is left out, millimetres.
-    pub default_mm: u32,
-    /// From where to where it is allowed, millimetres; on the wire it is anything under 1000 km.
-    pub allowed_mm: RangeInclusive<u32>,
+    /// What the number on the wire counts.
+    pub unit: TaskUnit,
+    /// What it is when it is left out, in its unit.
+    pub default: u32,
+    /// From where to where files may say it, in its unit; on the wire a length is anything under 1000 km, and all else
+    /// what it wants.
+    pub allowed: RangeInclusive<u32>,
     /// What it means.
     pub means: &'static str,
+}
+
+/// What a number of a task counts.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub enum TaskUnit {
+    /// Lengths; files say metres, by a key that ends in `_m`.
+    Millimetre,
+    /// Times; files say seconds, by a key that ends in `_s`.
+    Millisecond,
+    /// How many; files say the same.
+    One,
 }
 
 /// What of the places of a task is whose.
@@ -257,14 +271,16 @@ mod tests {
     }
 
     #[test]
-    fn what_a_file_may_say_of_a_length_can_travel() {
+    fn what_a_file_may_say_of_a_number_can_travel_and_its_key_says_the_unit() {
         for mut task in TaskKind::named_in_files() {
             for parameter in task.parameters() {
-                let TaskParameter::Length(_, length) = parameter else { continue };
-                let mut longest_mm = *length.allowed_mm.end();
-                assert!(length.name.ends_with("_m"), "{length:?}");
-                assert!(length.allowed_mm.contains(&length.default_mm), "{length:?}");
-                assert_eq!(TaskParameter::Length(&mut longest_mm, length).check(), Ok(()));
+                let TaskParameter::Number(_, number) = parameter else { continue };
+                let (has_metres, has_seconds) = (number.name.ends_with("_m"), number.name.ends_with("_s"));
+                let expected = (number.unit == TaskUnit::Millimetre, number.unit == TaskUnit::Millisecond);
+                assert_eq!((has_metres, has_seconds), expected, "{number:?}");
+                assert!(number.allowed.contains(&number.default), "{number:?}");
+                let mut most = *number.allowed.end();
+                assert_eq!(TaskParameter::Number(&mut most, number).check(), Ok(()));
             }
         }
     }

@@ -8,7 +8,7 @@ pub(in crate::node) fn share(task: &TaskKind, index: usize, of: usize) -> TaskKi
     let mut share = task.clone();
     for parameter in share.parameters() {
         match parameter {
-            TaskParameter::Length(..) => {}
+            TaskParameter::Number(..) => {}
             TaskParameter::Places(places, PlaceSharing::EachBeginsElsewhere) => {
                 *places = begun_at(places, index);
             }
