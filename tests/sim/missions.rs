@@ -1,12 +1,15 @@
 //! Missions that no ground station plans, told as stories: they end, nobody is touched, and they have done what they
 //! are for.
 
+use std::time::Duration;
+
 use tomoswarm::geom::{Cell, Point};
 use tomoswarm::map::Occupancy;
 use tomoswarm::node::mission::End;
 use tomoswarm::sim::Outcome;
+use tomoswarm::time::Time;
 
-use super::place::Place;
+use super::place::{Place, tail};
 
 /// A small yard with nothing in it but what a story adds; one rover that is home at the end.
 fn yard(mission: &str) -> Place {
@@ -96,12 +99,45 @@ fn pathfind_proves_that_no_way_leads_into_a_closed_room_and_visits_the_rest() {
 fn what_vehicles_visit_is_shared_among_them() {
     let places = "kind = \"pathfind\"\nwaypoints_m = [[1.0, 7.0], [7.0, 1.0], [2.0, 4.0], [6.0, 4.0]]";
     let outcome = yard(places).vehicles(2).run_to_the_end();
-    let visits = |vehicle: usize| {
-        let who = format!("vehicle {vehicle} Visited");
-        outcome.log.lines().filter(|line| line.contains(&who)).count()
-    };
-    assert_eq!((visits(1), visits(2)), (2, 2));
+    assert_eq!((visits(&outcome, 1), visits(&outcome, 2)), (2, 2));
     assert_eq!(outcome.home, 2);
+}
+
+fn visits(outcome: &Outcome, vehicle: usize) -> usize {
+    let who = format!("vehicle {vehicle} Visited");
+    outcome.log.lines().filter(|line| line.contains(&who)).count()
+}
+
+#[test]
+fn patrol_goes_round_behind_a_wall_as_often_as_it_is_told() {
+    let places = "kind = \"patrol\"\nrounds = 3\nwaypoints_m = [[4.0, 6.5], [7.0, 1.0]]";
+    let outcome = yard(places).block((4.0, 4.0, 7.0, 0.4)).run_to_the_end();
+    assert_eq!((end_of(&outcome, 1), visits(&outcome, 1), outcome.home), (&End::Done, 6, 1));
+}
+
+#[test]
+fn patrol_of_two_begins_at_different_places_and_each_goes_to_all() {
+    let places = "kind = \"patrol\"\nrounds = 1\nwaypoints_m = [[2, 2], [6, 2], [6, 6], [2, 6]]";
+    let outcome = yard(places).vehicles(2).run_to_the_end();
+    assert_eq!((visits(&outcome, 1), visits(&outcome, 2), outcome.home), (4, 4, 2));
+    assert_eq!((end_of(&outcome, 1), end_of(&outcome, 2)), (&End::Done, &End::Done));
+}
+
+#[test]
+fn patrol_ends_when_its_time_is_over_or_its_battery_low() {
+    let places = "kind = \"patrol\"\nrounds = 0\nwaypoints_m = [[2, 2], [6, 6]]";
+    let timed = yard(&format!("{places}\nduration_s = 300")).run_to_the_end();
+    assert_eq!((end_of(&timed, 1), timed.home), (&End::Done, 1));
+    let took = timed.simulated.since(Time::ZERO);
+    assert!(
+        visits(&timed, 1) > 4 && took < Duration::from_secs(420),
+        "{} visits, {took:?}",
+        visits(&timed, 1)
+    );
+    let fault = "[[fault]]\nkind = \"battery\"\nat_s = 300.0\ncharge = 0.15\nvehicles = [1]";
+    let low = yard(places).with(fault).run_safely();
+    assert!(visits(&low, 1) > 4 && low.log.contains("BatteryLow"), "{}", tail(&low.log));
+    assert!(low.log.contains("vehicle 1 Home"), "{}", tail(&low.log));
 }
 
 /// Cells of the yard, fence included, that a rover could see and does not know.

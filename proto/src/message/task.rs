@@ -68,6 +68,15 @@ pub enum TaskKind {
     },
     /// All together look at everything that can be reached.
     Explore,
+    /// Each goes round over all places, on paths around what it sees; the members begin at different places.
+    Patrol {
+        /// The places of a round, in order.
+        places: Vec<Position>,
+        /// After so many rounds it ends; 0 = their number has no limit.
+        rounds: u32,
+        /// After so long it ends, milliseconds; 0 = without a limit.
+        duration_ms: u32,
+    },
 }
 
 /// What a vehicle is out for, without its parameters (see [`TaskKind`]).
@@ -88,6 +97,8 @@ pub enum MissionKind {
     Pathfind,
     /// All vehicles together look at everything that can be reached.
     Explore,
+    /// It goes round over places.
+    Patrol,
 }
 
 impl MissionKind {
@@ -101,6 +112,7 @@ impl MissionKind {
             MissionKind::Search => "search",
             MissionKind::Pathfind => "pathfind",
             MissionKind::Explore => "explore",
+            MissionKind::Patrol => "patrol",
         }
     }
 }
@@ -115,6 +127,7 @@ impl From<&TaskKind> for MissionKind {
             TaskKind::Search => MissionKind::Search,
             TaskKind::Pathfind { .. } => MissionKind::Pathfind,
             TaskKind::Explore => MissionKind::Explore,
+            TaskKind::Patrol { .. } => MissionKind::Patrol,
         }
     }
 }
@@ -129,6 +142,7 @@ impl TaskKind {
             TaskKind::Search,
             TaskKind::Pathfind { places: Vec::new() },
             TaskKind::Explore,
+            TaskKind::Patrol { places: Vec::new(), rounds: 0, duration_ms: 0 },
         ]
     }
 
@@ -144,6 +158,19 @@ impl TaskKind {
                 let (name, unit, means) = ("distance_m", TaskUnit::Millimetre, "how far");
                 let far = TaskNumber { name, unit, default: 5000, allowed: 100..=1_000_000, means };
                 vec![TaskParameter::Number(distance_mm, far)]
+            }
+            TaskKind::Patrol { places, rounds, duration_ms } => {
+                let (name, unit, means) =
+                    ("rounds", TaskUnit::One, "after so many rounds it ends; 0: their number has no limit");
+                let many = TaskNumber { name, unit, default: 2, allowed: 0..=10_000, means };
+                let (name, unit, means) =
+                    ("duration_s", TaskUnit::Millisecond, "after so long it ends; 0: without a limit");
+                let long = TaskNumber { name, unit, default: 0, allowed: 0..=86_400_000, means };
+                vec![
+                    TaskParameter::Places(places, PlaceSharing::EachBeginsElsewhere),
+                    TaskParameter::Number(rounds, many),
+                    TaskParameter::Number(duration_ms, long),
+                ]
             }
             TaskKind::Sweep { .. } | TaskKind::Browse | TaskKind::Search | TaskKind::Explore => Vec::new(),
         }

@@ -88,6 +88,7 @@ fn mission_kind() -> impl Strategy<Value = MissionKind> {
         MissionKind::Search,
         MissionKind::Pathfind,
         MissionKind::Explore,
+        MissionKind::Patrol,
     ])
 }
 
@@ -586,6 +587,8 @@ fn task_kind() -> impl Strategy<Value = TaskKind> {
         Just(TaskKind::Search),
         vec(position(), 1..9).prop_map(|places| TaskKind::Pathfind { places }),
         Just(TaskKind::Explore),
+        (vec(position(), 1..9), any::<[u32; 2]>())
+            .prop_map(|(places, [rounds, duration_ms])| TaskKind::Patrol { places, rounds, duration_ms }),
     ]
 }
 

@@ -416,6 +416,10 @@ pub fn variants() -> Vec<(&'static str, Message)> {
         ("task-forward", of_kind(TaskKind::Forward { distance_mm: 5000 })),
         ("task-pathfind", of_kind(TaskKind::Pathfind { places: corners[1..].to_vec() })),
         ("task-explore", of_kind(TaskKind::Explore)),
+        (
+            "task-patrol",
+            of_kind(TaskKind::Patrol { places: corners.to_vec(), rounds: 3, duration_ms: 600_000 }),
+        ),
         ("image-last-part", Message::Image(last)),
     ]
 }

@@ -9,14 +9,18 @@
 
 mod browse;
 mod pathfind;
+mod patrol;
 mod seek;
 mod straight;
+
+use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
 use tomoswarm_proto::{Position, TaskKind, TileAddress};
 
 use self::browse::Browse;
 use self::pathfind::Pathfind;
+use self::patrol::Patrol;
 use self::seek::{Preference, Seek};
 use self::straight::Straight;
 use super::End;
@@ -84,7 +88,7 @@ pub struct Course {
 }
 
 /// Why a place of a mission is passed over.
-#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize)]
 pub enum PassedOver {
     /// No way leads there: all that can be reached was searched.
     NoWay,
@@ -140,6 +144,8 @@ pub enum Kind {
     Pathfind(Pathfind),
     /// A search, or an exploration.
     Seek(Box<Seek>),
+    /// Rounds over places.
+    Patrol(Patrol),
 }
 
 impl Kind {
@@ -155,6 +161,11 @@ impl Kind {
             TaskKind::Pathfind { places } => Kind::Pathfind(Pathfind::to(&points(places))),
             TaskKind::Search => Kind::Seek(Box::new(Seek::new(settings, Preference::NearObjects))),
             TaskKind::Explore => Kind::Seek(Box::new(Seek::new(settings, Preference::FarFromPeers))),
+            TaskKind::Patrol { places, rounds, duration_ms } => {
+                let rounds = (*rounds > 0).then_some(*rounds as usize);
+                let duration = (*duration_ms > 0).then(|| Duration::from_millis(u64::from(*duration_ms)));
+                Kind::Patrol(Patrol::over(&points(places), rounds, duration))
+            }
         })
     }
 
@@ -163,6 +174,7 @@ impl Kind {
         match self {
             Kind::Straight(straight) => straight.places_left(),
             Kind::Pathfind(pathfind) => pathfind.places_left(),
+            Kind::Patrol(patrol) => patrol.places_left(),
             Kind::Browse(_) | Kind::Seek(_) => 0,
         }
     }
@@ -174,6 +186,7 @@ impl Kind {
             Kind::Browse(browse) => browse,
             Kind::Pathfind(pathfind) => pathfind,
             Kind::Seek(seek) => seek.as_mut(),
+            Kind::Patrol(patrol) => patrol,
         }
     }
 }
@@ -187,11 +200,16 @@ mod tests_support {
 
     /// Tells a mission of a vehicle at a place, facing along x, that knows nothing of the world; gives the next step.
     pub fn step(mission: &mut dyn MissionKind, seen: Seen, at: (f64, f64)) -> Step {
+        step_at(mission, seen, at, Time::ZERO)
+    }
+
+    /// The same at a time.
+    pub fn step_at(mission: &mut dyn MissionKind, seen: Seen, at: (f64, f64), now: Time) -> Step {
         let settings = settings(1);
         let peers = Peers::new(settings.vehicle);
         let pilot = Pilot::new(settings);
         let pose = Pose { at: Point::new(at.0, at.1), heading: Angle::default(), sd_m: 0.05 };
-        mission.next(seen, &Surroundings { now: Time::ZERO, pose, pilot: &pilot, peers: &peers })
+        mission.next(seen, &Surroundings { now, pose, pilot: &pilot, peers: &peers })
     }
 
     /// The end of a look all around.
