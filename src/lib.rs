@@ -1,6 +1,6 @@
 //! tomoswarm: a few small rovers as one moving radio-tomography instrument.
 //!
-//! Read ARCHITECTURE.md, then `node/route.rs`, then `actor/mod.rs`. The layers, from the bottom:
+//! Read ARCHITECTURE.md, then `node/route.rs`, then `actor.rs`. The layers, from the bottom:
 //!
 //! | layer | modules | is |
 //! | --- | --- | --- |

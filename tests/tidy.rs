@@ -117,6 +117,10 @@ fn complaints(path: &str, text: &str, is_test_module: bool) -> Vec<String> {
         found.push(format!("{path}: does not begin with //!, what it is for"));
     }
     let lines = text.lines().count() - tests.lines().filter(|line| !line.trim().is_empty()).count();
+    // What several test binaries share has no other name.
+    if path.ends_with("/mod.rs") && path.contains("src/") {
+        found.push(format!("{path}: a module stands beside its folder, under its name"));
+    }
     if !place.is_test && lines > MOST_LINES {
         found.push(format!("{path}: {lines} lines without tests, over {MOST_LINES}"));
     }
@@ -416,7 +420,7 @@ fn a_use_of_a_higher_layer_is_seen_in_every_spelling() {
         check("src/map/tile.rs", code, &[&complaint(2)]);
     }
     check("src/map/tile.rs", "use crate::{\n    geom,\n    plan,\n};", &[&complaint(2)]);
-    check("src/map/mod.rs", "use super::plan::Route;", &["src/map/mod.rs:2: map must not use plan"]);
+    check("src/map.rs", "use super::plan::Route;", &["src/map.rs:2: map must not use plan"]);
     check("src/map/tile.rs", "#[cfg(test)]\nmod tests {\n    use crate::plan;\n}", &[&complaint(4)]);
     check("src/node/map.rs", "use crate::sim::World;", &["src/node/map.rs:2: node must not use sim"]);
     check("src/actor/inbox.rs", "use crate::node;", &["src/actor/inbox.rs:2: actor must not use node"]);
@@ -441,9 +445,15 @@ fn a_use_of_the_same_or_a_lower_layer_is_right() {
 }
 
 #[test]
+fn a_module_in_its_folder_is_seen() {
+    let complaint = "src/map/mod.rs: a module stands beside its folder, under its name";
+    check("src/map/mod.rs", "use crate::geom;", &[complaint]);
+}
+
+#[test]
 fn a_module_without_a_layer_is_seen() {
-    let complaint = "src/extra/mod.rs: module extra is not in the layer table of tests/tidy.rs";
-    check("src/extra/mod.rs", "use crate::geom;", &[complaint]);
+    let complaint = "src/extra.rs: module extra is not in the layer table of tests/tidy.rs";
+    check("src/extra.rs", "use crate::geom;", &[complaint]);
 }
 
 #[test]
@@ -492,7 +502,7 @@ fn what_differs_between_machines_or_runs_is_seen() {
 #[test]
 fn a_module_for_tests_only_is_known_by_its_declaration() {
     let code = "mod a;\n#[cfg(test)]\nmod worlds;\n#[cfg(test)]\nmod tests { fn a() {} }\n";
-    assert_eq!(test_modules("src/map/mod.rs", code), ["src/map/worlds"]);
+    assert_eq!(test_modules("src/map.rs", code), ["src/map/worlds"]);
     assert_eq!(test_modules("src/map/tile.rs", code), ["src/map/tile/worlds"]);
     let product = complaints("src/map/worlds.rs", "//! A.\nfn a() { b.unwrap() }", false);
     assert_eq!(product, ["src/map/worlds.rs:2: .unwrap() is not for this place"]);

@@ -37,7 +37,7 @@ fn person(x_m: f64, y_m: f64) -> Person {
 
 /// The bundled courtyard.
 fn courtyard() -> &'static str {
-    include_str!("../../../scenes/courtyard.wrl")
+    include_str!("../../scenes/courtyard.wrl")
 }
 
 /// Numbers from a fixed sequence, uniform in [0, 1): splitmix64.

@@ -205,6 +205,6 @@ impl Exchange {
 
 /// One message of every kind, as the wire's own tests have them.
 #[cfg(test)]
-#[path = "../../proto/tests/examples/mod.rs"]
+#[path = "../proto/tests/examples/mod.rs"]
 #[allow(dead_code, reason = "some of them are for the wire's own tests alone")]
 pub(crate) mod examples;

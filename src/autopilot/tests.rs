@@ -12,8 +12,8 @@ use crate::actor::tests_support::{drawn, variants};
 
 #[test]
 fn the_drawings_name_the_variants_and_no_others() {
-    assert_eq!(drawn(include_str!("../motors.rs")), variants::<Motors>());
-    assert_eq!(drawn(include_str!("../movement.rs")), variants::<Movement>());
+    assert_eq!(drawn(include_str!("motors.rs")), variants::<Motors>());
+    assert_eq!(drawn(include_str!("movement.rs")), variants::<Movement>());
     let both: BTreeSet<String> = variants::<Hearing>().union(&variants::<Steering>()).cloned().collect();
-    assert_eq!(drawn(include_str!("../steering.rs")), both);
+    assert_eq!(drawn(include_str!("steering.rs")), both);
 }
