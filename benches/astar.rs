@@ -46,7 +46,7 @@ fn area() -> CellRect {
     CellRect::new(Cell::new(0, 0), Cell::new(SIDE - 1, SIDE - 1))
 }
 
-/// Tells whether a cell is one of the two corners that are joined.
+/// Returns whether a cell is one of the two corners that are joined.
 fn is_end(cell: Cell) -> bool {
     cell.x + cell.y <= 2 || cell.x + cell.y >= 2 * SIDE - 4
 }

@@ -26,7 +26,7 @@ fn main() {
     }
 }
 
-/// Gives the tile that takes the most bytes.
+/// Returns the tile that takes the most bytes.
 fn tile_of(map: &Merged) -> TileReport {
     let reports =
         map.layers().flat_map(|(id, layer)| layer.tiles().map(move |(at, tile)| tile.report(id, at)));
@@ -35,7 +35,7 @@ fn tile_of(map: &Merged) -> TileReport {
     reports.max_by_key(bytes).unwrap_or_else(|| panic!("the drive left no tile"))
 }
 
-/// Gives the bytes of a message, and the time to write and to read it, µs.
+/// Returns the bytes of a message, and the time to write and to read it, µs.
 fn wire(message: &Message) -> (usize, f64, f64) {
     let frame = codec::encode(message).unwrap_or_else(|error| panic!("{error}"));
     let timed = |work: &dyn Fn()| {
@@ -53,7 +53,7 @@ fn wire(message: &Message) -> (usize, f64, f64) {
     (frame.len(), encode_us, decode_us)
 }
 
-/// Drives a 10 m ring past walls with a swinging beam; gives µs a scan, µs a question, and the map.
+/// Drives a 10 m ring past walls with a swinging beam; returns µs a scan, µs a question, and the map.
 fn drive(mut ask: impl FnMut(&Merged, f64) -> f64) -> (f64, f64, Merged) {
     let own = LayerId { vehicle: VehicleId(1), boot: Boot(1) };
     let mut map = Merged::new(Lattice::new(0.2), Some(own));
@@ -85,7 +85,7 @@ fn drive(mut ask: impl FnMut(&Merged, f64) -> f64) -> (f64, f64, Merged) {
     (scan_us / SCANS as f64, median(&mut asked), map)
 }
 
-/// Asks how much of the next 4 m is released; gives µs.
+/// Asks how much of the next 4 m is released; returns µs.
 fn release(map: &Merged, turn_rad: f64) -> f64 {
     let on_ring = |turn_rad: f64| Point::new(5.0 * libm::cos(turn_rad), 5.0 * libm::sin(turn_rad));
     let route: Vec<Point> = (0..5).map(|step| on_ring(turn_rad + 0.2 * f64::from(step))).collect();

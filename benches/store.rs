@@ -40,7 +40,7 @@ mod bench {
     /// Samples of one measurement at least.
     const SAMPLES: usize = 40_000;
 
-    /// Gives samples a second into a fresh store, from eight vehicles in turn.
+    /// Returns samples a second into a fresh store, from eight vehicles in turn.
     pub fn rate_per_s(folder: &Path, batches: usize) -> f64 {
         let _ = std::fs::remove_dir_all(folder);
         std::fs::create_dir_all(folder).expect("a folder to write to");

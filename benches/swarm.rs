@@ -276,7 +276,7 @@ fn partition() {
     two.mailbox.close();
 }
 
-/// Gives how many tiles of one the other does not hold at their newest.
+/// Returns how many tiles of one the other does not hold at their newest.
 fn lacking(one: &Mapper, other: &Mapper) -> usize {
     let (one, other) = (one.held.lock().unwrap(), other.held.lock().unwrap());
     one.iter().filter(|(address, revision)| other.get(address) != Some(revision)).count()

@@ -47,7 +47,7 @@ pub trait Actor {
     /// A fault that the actor cannot go on from; input from outside never is one.
     fn handle(&mut self, now: Time, input: Self::In, out: &mut Vec<Self::Out>) -> Result<(), Fault>;
 
-    /// Tells when to be woken, and why.
+    /// Returns when to be woken, and why.
     fn deadline(&self) -> Option<Deadline>;
 
     /// Does what the deadline was for; afterwards the deadline is later than `now`.

@@ -116,7 +116,7 @@ enum Command {
     Replay(replay::ReplayArgs),
 }
 
-/// Runs the program as the command line says, and gives its exit code.
+/// Runs the program as the command line says, and returns its exit code.
 pub fn run() -> ExitCode {
     let command = match Cli::try_parse() {
         Ok(cli) => cli.command,

@@ -187,7 +187,7 @@ pub fn read_experiment(file_name: &str, text: &str) -> Result<Experiment, Proble
     read_kind(file_name, text, "experiment", |root| Some(Experiment::read(root)))
 }
 
-/// Gives the path of a file that is named in another one, relative to that one's folder.
+/// Returns the path of a file that is named in another one, relative to that one's folder.
 pub fn beside(file_name: &str, named: &str) -> String {
     match file_name.rfind('/') {
         Some(end) if !named.starts_with('/') => format!("{}{named}", &file_name[..=end]),

@@ -27,17 +27,17 @@ impl Time {
         Time((seconds_s * 1e9).round() as u64)
     }
 
-    /// Gives the nanoseconds since the start.
+    /// Returns the nanoseconds since the start.
     pub const fn as_nanos(self) -> u64 {
         self.0
     }
 
-    /// Gives the seconds since the start.
+    /// Returns the seconds since the start.
     pub fn as_secs_f64(self) -> f64 {
         self.0 as f64 * 1e-9
     }
 
-    /// Gives the span since `earlier`, or zero when `earlier` is later.
+    /// Returns the span since `earlier`, or zero when `earlier` is later.
     pub fn since(self, earlier: Time) -> Duration {
         Duration::from_nanos(self.0.saturating_sub(earlier.0))
     }
@@ -81,7 +81,7 @@ pub struct Deadline {
 }
 
 impl Deadline {
-    /// Gives the earlier of two optional deadlines; the first on a tie.
+    /// Returns the earlier of two optional deadlines; the first on a tie.
     pub fn earlier(first: Option<Deadline>, second: Option<Deadline>) -> Option<Deadline> {
         match (first, second) {
             (Some(a), Some(b)) => Some(if b.at < a.at { b } else { a }),

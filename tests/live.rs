@@ -21,7 +21,7 @@ fn processes() -> Vec<(i32, String)> {
     all.filter_map(process).collect()
 }
 
-/// Tells whether a process runs whose command line names a folder.
+/// Returns whether a process runs whose command line names a folder.
 fn anybody_in(folder: &Path) -> bool {
     let named = folder.to_string_lossy().into_owned();
     processes().iter().any(|(_, line)| line.contains(&named))

@@ -106,7 +106,7 @@ const NOT_EXACT: &[&str] = &[
 /// What only looks like one of these: a square is one multiplication, and a kernel's log is no logarithm.
 const EXACT_AFTER_ALL: &[&str] = &[".powi(2)", "self.log("];
 
-/// Gives all that is untidy in one source file; `path` is relative to the package ("src/map/tile.rs").
+/// Returns all that is untidy in one source file; `path` is relative to the package ("src/map/tile.rs").
 fn complaints(path: &str, text: &str, is_test_module: bool) -> Vec<String> {
     let mut place = Place::of(path);
     place.is_test |= is_test_module;
@@ -179,13 +179,13 @@ fn forbidden(path: &str, place: &Place, product: &str) -> Vec<String> {
     found
 }
 
-/// Tells whether a line holds a word that is not merely the end of a longer name.
+/// Returns whether a line holds a word that is not merely the end of a longer name.
 fn holds_word(line: &str, word: &str) -> bool {
     let is_name = |c: char| c.is_alphanumeric() || c == '_';
     line.match_indices(word).any(|(at, _)| word.starts_with('.') || !line[..at].ends_with(is_name))
 }
 
-/// Gives each use of a module that lies higher, or that the table does not know.
+/// Returns each use of a module that lies higher, or that the table does not know.
 fn upward(path: &str, place: &Place, code: &str, depth: usize) -> Vec<String> {
     let Some(allowed) = may_use(place.top()) else {
         return vec![format!("{path}: module {} is not in the layer table of tests/tidy.rs", place.top())];
@@ -201,7 +201,7 @@ fn upward(path: &str, place: &Place, code: &str, depth: usize) -> Vec<String> {
     found
 }
 
-/// Gives the top modules that code at a depth of modules names after `crate::` or by steps up
+/// Returns the top modules that code at a depth of modules names after `crate::` or by steps up
 /// (`super::super::`), with their places in the text.
 fn used_modules(code: &str, depth: usize) -> Vec<(usize, String)> {
     let mut found = Vec::new();
@@ -223,7 +223,7 @@ fn used_modules(code: &str, depth: usize) -> Vec<(usize, String)> {
     found
 }
 
-/// Gives the first name of a path, or of every path in a group `{a::b, c}`.
+/// Returns the first name of a path, or of every path in a group `{a::b, c}`.
 fn first_names(path: &str) -> Vec<String> {
     let name_of = |text: &str| -> String {
         text.trim_start().chars().take_while(|c| c.is_alphanumeric() || *c == '_').collect()
@@ -268,7 +268,7 @@ fn split_off_tests(code: &str, is_test: bool) -> (String, String) {
     (product, tests)
 }
 
-/// Gives the length of an item: up to its `;`, or to the brace that closes it.
+/// Returns the length of an item: up to its `;`, or to the brace that closes it.
 fn end_of_item(item: &str) -> usize {
     let mut depth = 0_usize;
     for (at, c) in item.char_indices() {
@@ -299,7 +299,7 @@ fn without_comments_and_strings(text: &str) -> String {
     code
 }
 
-/// Gives the length of the comment that begins here, if one does.
+/// Returns the length of the comment that begins here, if one does.
 fn comment(text: &str) -> Option<usize> {
     if text.starts_with("//") {
         return Some(text.find('\n').unwrap_or(text.len()));
@@ -323,7 +323,7 @@ fn comment(text: &str) -> Option<usize> {
     Some(text.len())
 }
 
-/// Gives the length of the string, raw or not, that begins here, if one does.
+/// Returns the length of the string, raw or not, that begins here, if one does.
 fn string(text: &str, after_name: bool) -> Option<usize> {
     if let Some(body) = text.strip_prefix('"') {
         let mut is_escaped = false;
@@ -341,7 +341,7 @@ fn string(text: &str, after_name: bool) -> Option<usize> {
     Some(body.find(&close).map_or(text.len(), |at| 2 + hashes + at + close.len()))
 }
 
-/// Gives the length of the character literal that begins here, if one does (and no lifetime).
+/// Returns the length of the character literal that begins here, if one does (and no lifetime).
 fn character(text: &str) -> Option<usize> {
     let body = text.strip_prefix('\'')?;
     if let Some(escaped) = body.strip_prefix('\\') {
@@ -352,7 +352,7 @@ fn character(text: &str) -> Option<usize> {
     body[c.len_utf8()..].starts_with('\'').then(|| 2 + c.len_utf8())
 }
 
-/// Gives the paths, without ending, of the modules that a file declares for its tests only
+/// Returns the paths, without ending, of the modules that a file declares for its tests only
 /// (`#[cfg(test)] mod name;`).
 fn test_modules(path: &str, text: &str) -> Vec<String> {
     let folder = path.trim_end_matches(".rs").trim_end_matches("/mod");

@@ -98,7 +98,7 @@ fn put_plain(cells: &[i8], bytes: &mut Vec<u8>) {
     }
 }
 
-/// Gives the cells, if there are exactly 1024.
+/// Returns the cells, if there are exactly 1024.
 fn unpacked(mut bytes: &[u8]) -> Option<Arc<[i8; TILE_CELLS]>> {
     let mut cells = Arc::new([0; TILE_CELLS]);
     let mut left: &mut [i8] = Arc::get_mut(&mut cells)?;

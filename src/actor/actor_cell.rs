@@ -29,7 +29,7 @@ where
         ActorCell { actor, inbox: Inbox::new(INBOX), said: Vec::new(), latest: Time::ZERO, deadline }
     }
 
-    /// Gives the actor.
+    /// Returns the actor.
     pub fn actor(&self) -> &A {
         &self.actor
     }
@@ -39,12 +39,12 @@ where
         self.inbox.push(input);
     }
 
-    /// Tells how many inputs were dropped unread.
+    /// Returns how many inputs were dropped unread.
     pub fn dropped(&self) -> u64 {
         self.inbox.dropped()
     }
 
-    /// Gives the actor's deadline.
+    /// Returns the actor's deadline.
     #[inline]
     pub fn deadline(&self) -> Option<Deadline> {
         self.deadline

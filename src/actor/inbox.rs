@@ -17,7 +17,7 @@ pub trait Input: Sized {
     /// What tells latest-only inputs apart.
     type Key: PartialEq;
 
-    /// Gives the class.
+    /// Returns the class.
     fn class(&self) -> Class<Self::Key>;
 
     /// Joins two unread inputs of one key; the newer one, unless the input knows better.
@@ -58,12 +58,12 @@ impl<I: Input> Inbox<I> {
         Some(input)
     }
 
-    /// Tells how many inputs of the queue class were dropped unread.
+    /// Returns how many inputs of the queue class were dropped unread.
     pub fn dropped(&self) -> u64 {
         self.dropped
     }
 
-    /// Tells whether nothing waits.
+    /// Returns whether nothing waits.
     pub fn is_empty(&self) -> bool {
         self.unread.is_empty()
     }

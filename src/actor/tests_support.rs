@@ -155,18 +155,18 @@ impl Wiring for Adding {
     }
 }
 
-/// Gives the name of a value's variant.
+/// Returns the name of a value's variant.
 pub fn variant_of(value: &impl Debug) -> String {
     format!("{value:?}").chars().take_while(|letter| letter.is_alphanumeric()).collect()
 }
 
-/// Gives the names of all variants of an enum: serde lists them to whoever asks for one that is not there.
+/// Returns the names of all variants of an enum: serde lists them to whoever asks for one that is not there.
 pub fn variants<'a, T: Deserialize<'a> + Debug>() -> BTreeSet<String> {
     let refusal = T::deserialize(StrDeserializer::<Error>::new("none of them")).unwrap_err().to_string();
     refusal.split('`').skip(3).step_by(2).map(str::to_owned).collect()
 }
 
-/// Gives the names in brackets within the drawings of a file's doc.
+/// Returns the names in brackets within the drawings of a file's doc.
 pub fn drawn(source: &str) -> BTreeSet<String> {
     let doc: Vec<&str> = source.lines().map_while(|line| line.strip_prefix("//!")).collect();
     let doc = doc.join("\n");

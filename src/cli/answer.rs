@@ -19,7 +19,7 @@ impl Answer {
         Answer { out: io::stdout(), is_closed: false }
     }
 
-    /// Tells whether the reader is known to have left.
+    /// Returns whether the reader is known to have left.
     #[cfg(feature = "net")]
     pub fn is_closed(&self) -> bool {
         self.is_closed

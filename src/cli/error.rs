@@ -83,7 +83,7 @@ impl CliError {
         CliError::Write { path: "standard output".into(), source }
     }
 
-    /// Gives the exit code of the program: 1 or 2, as above.
+    /// Returns the exit code of the program: 1 or 2, as above.
     pub fn exit_code(&self) -> u8 {
         match self {
             CliError::Mission(_)

@@ -100,7 +100,7 @@ impl ExportArgs {
         Ok(chosen)
     }
 
-    /// Gives the venue as the ground station read it last.
+    /// Returns the venue as the ground station read it last.
     fn venue(&self, starts: &[Provenance]) -> Result<(Venue, String), CliError> {
         let wrong = |reason: &str| CliError::Input { path: self.store.clone(), reason: reason.to_owned() };
         let text = &starts.first().ok_or_else(|| wrong("holds no venue"))?.venue;
@@ -118,7 +118,7 @@ impl ExportArgs {
     }
 }
 
-/// Tells whether a name is that of a file of one run.
+/// Returns whether a name is that of a file of one run.
 fn is_of_a_run(name: &str) -> bool {
     let Some((number, kind)) = name.strip_prefix("run-").and_then(|rest| rest.split_once('-')) else {
         return false;
@@ -130,7 +130,7 @@ fn is_of_a_run(name: &str) -> bool {
     number.parse::<u32>().is_ok() && (is_picture || matches!(kind, "samples.csv" | "links.csv"))
 }
 
-/// Writes samples and links of a run, and collects its tracks; gives how many samples.
+/// Writes samples and links of a run, and collects its tracks; returns how many samples.
 fn write_run(
     folder: &mut OutputFolder,
     store: &GroundStore,
@@ -164,7 +164,7 @@ fn write_run(
     Ok(count)
 }
 
-/// Writes the newest pictures of a run; gives how many.
+/// Writes the newest pictures of a run; returns how many.
 fn write_images(
     folder: &mut OutputFolder,
     store: &GroundStore,
@@ -233,7 +233,7 @@ fn write_map(
     folder.write("map.pgw", world(venue, spec.placement())?.as_bytes())
 }
 
-/// Gives where the data come from.
+/// Returns where the data come from.
 fn about(store: &GroundStore, runs: &[StoredRun], starts: &[Provenance]) -> String {
     let run = |run: &StoredRun| {
         json!({

@@ -39,7 +39,7 @@ impl Flights {
         }
     }
 
-    /// Tells whether something could not be written.
+    /// Returns whether something could not be written.
     pub fn is_in_trouble(&self) -> bool {
         self.trouble.is_some()
     }

@@ -83,7 +83,7 @@ impl OutputFolder {
         Ok(())
     }
 
-    /// Gives a folder for recordings in the stage; what lies in it in the end appears with the rest.
+    /// Returns a folder for recordings in the stage; what lies in it in the end appears with the rest.
     ///
     /// # Errors
     /// It cannot be made.
@@ -95,7 +95,7 @@ impl OutputFolder {
         Ok(folder)
     }
 
-    /// Gives a folder for a live swarm in the stage; it appears with the rest as `live`.
+    /// Returns a folder for a live swarm in the stage; it appears with the rest as `live`.
     ///
     /// # Errors
     /// It cannot be made.
@@ -160,7 +160,7 @@ impl OutputFolder {
     }
 }
 
-/// Tells whether something is there that no run has made.
+/// Returns whether something is there that no run has made.
 fn is_foreign_live(folder: &Path) -> bool {
     folder.symlink_metadata().is_ok() && !folder.join(LIVE_MARK).is_file()
 }
@@ -184,7 +184,7 @@ impl Drop for OutputFolder {
     }
 }
 
-/// Gives the folder in which the stage lies: one from which files can be moved into the target.
+/// Returns the folder in which the stage lies: one from which files can be moved into the target.
 fn place_of_stage(target: &Path) -> &Path {
     if target.is_dir() {
         return target;

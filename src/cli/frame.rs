@@ -42,7 +42,7 @@ enum Pixel {
 }
 
 impl Pixel {
-    /// Gives the colour, of the 256 that terminals have; `None` = the terminal's own.
+    /// Returns the colour, of the 256 that terminals have; `None` = the terminal's own.
     fn colour(self) -> Option<u8> {
         match self {
             Pixel::Outside => None,
@@ -97,7 +97,7 @@ impl Scale {
         Scale { shown, columns: count(width_m, most_columns), rows, pixel_m }
     }
 
-    /// Gives the place of a pixel, `None` when it is not shown.
+    /// Returns the place of a pixel, `None` when it is not shown.
     fn pixel_at(self, at: Point) -> Option<(usize, usize)> {
         let (right, down) =
             ((at.x_m - self.shown.min.x_m) / self.pixel_m, (self.shown.max.y_m - at.y_m) / self.pixel_m);
@@ -106,7 +106,7 @@ impl Scale {
         (is_shown && column < self.columns && row < self.rows).then_some((column, row))
     }
 
-    /// Gives the part of the plane that a pixel shows.
+    /// Returns the part of the plane that a pixel shows.
     fn part(self, column: usize, row: usize) -> Rect {
         let (west_m, north_m) = (
             self.shown.min.x_m + column as f64 * self.pixel_m,
@@ -168,7 +168,7 @@ impl Frame {
         }
     }
 
-    /// Gives the lines of the picture with colours, then those of the text.
+    /// Returns the lines of the picture with colours, then those of the text.
     pub(super) fn lines(&self) -> Vec<String> {
         let rows = self.pixels.len() / self.columns / 2;
         (0..rows).map(|row| self.line(row)).chain(self.text.iter().cloned()).collect()
@@ -193,7 +193,7 @@ impl Frame {
         line
     }
 
-    /// Gives the pixels above and below of a letter.
+    /// Returns the pixels above and below of a letter.
     fn pair(&self, row: usize, column: usize) -> (Pixel, Pixel) {
         let at = |row: usize| self.pixels[row * self.columns + column];
         (at(2 * row), at(2 * row + 1))

@@ -87,7 +87,7 @@ impl GroundArgs {
     }
 }
 
-/// Tells whether a later start may go well without anybody mending anything.
+/// Returns whether a later start may go well without anybody mending anything.
 fn is_passing(error: &GroundError) -> bool {
     match error {
         GroundError::StateDir(error) => folder_is_passing(error),

@@ -92,7 +92,7 @@ pub enum WeightsName {
 }
 
 impl WeightsName {
-    /// Gives the model with the width that suits 40 pixels on the longer side of an area.
+    /// Returns the model with the width that suits 40 pixels on the longer side of an area.
     fn model(self, extent: f64) -> WeightModel {
         let width_m = 0.015 * extent;
         match self {
@@ -234,7 +234,7 @@ pub(super) fn read_file(path: &Path) -> Result<Recording, CliError> {
     Ok(read_recording(text.as_bytes()).map_err(wrong)?)
 }
 
-/// Tells whether two names lead to the same file; one that does not exist yet has only its own name.
+/// Returns whether two names lead to the same file; one that does not exist yet has only its own name.
 fn is_same_file(one: &Path, other: &Path) -> bool {
     let real = |path: &Path| {
         let folder = path.parent().filter(|folder| *folder != Path::new("")).unwrap_or(Path::new("."));
@@ -261,7 +261,7 @@ fn read_files(paths: &[PathBuf], expected: Option<LengthUnit>) -> Result<Recordi
     Ok(Recording { links, unit: unit.unwrap_or(LengthUnit::Metre), area })
 }
 
-/// Gives the smallest rectangle around all ends.
+/// Returns the smallest rectangle around all ends.
 pub(super) fn bounds<'a>(links: impl Iterator<Item = &'a Link>) -> Rect {
     let ends = links.flat_map(|link| [link.from, link.to]);
     ends.map(|at| Rect::new(at, at))

@@ -124,7 +124,7 @@ impl Swarm {
         Ok(Swarm { processes, director, store })
     }
 
-    /// Plays the script to its end; gives why it failed, if it did.
+    /// Plays the script to its end; returns why it failed, if it did.
     fn play(&mut self, stop: &Stop, started: Instant) -> Option<String> {
         let bar = progress_bar();
         let mut shown = Duration::ZERO;
@@ -153,7 +153,7 @@ impl Swarm {
         failure
     }
 
-    /// Says what has happened to a process; gives one without which the mission has failed.
+    /// Returns what has happened to a process; returns one without which the mission has failed.
     fn told_of(&mut self, news: News, bar: &ProgressBar) -> Option<Dead> {
         match news {
             News::Died { dead, again_after } => {
@@ -202,7 +202,7 @@ fn vehicle_name(id: VehicleId) -> String {
     format!("vehicle-{id}")
 }
 
-/// Gives the command that runs a part of this program, which ends when this process is gone.
+/// Returns the command that runs a part of this program, which ends when this process is gone.
 fn own_program(part: &str) -> Result<Command, CliError> {
     let program = std::env::current_exe()
         .map_err(|error| CliError::Fault(format!("this program cannot be found: {error}")))?;

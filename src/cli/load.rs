@@ -28,14 +28,14 @@ impl Loaded {
 /// What reads a simulation's file.
 type Read = fn(&str, &str, Option<usize>, &mut config::Loader<'_>) -> Result<Sim, Problems>;
 
-/// Gives the bundled simulation that is meant: the courtyard without a file, or the one whose plain name is given where no
+/// Returns the bundled simulation that is meant: the courtyard without a file, or the one whose plain name is given where no
 /// such file lies.
 pub(super) fn bundled_one(file: Option<&Path>) -> Option<&'static str> {
     let Some(path) = file else { return Some(bundled::COURTYARD) };
     path.to_str().and_then(bundled::simulation).filter(|_| !path.exists())
 }
 
-/// Gives the text of a simulation file; the bundled example without one.
+/// Returns the text of a simulation file; the bundled example without one.
 ///
 /// # Errors
 /// The file cannot be read.

@@ -107,7 +107,7 @@ pub fn seconds(text: &str) -> Result<Duration, String> {
     number.map(Duration::from_secs_f64).ok_or_else(|| "0.1 to 86400 seconds are allowed".to_owned())
 }
 
-/// Gives how a command joins that runs beside the ground station.
+/// Returns how a command joins that runs beside the ground station.
 fn beside_ground(ground: &BusFile) -> BusFile {
     let own = Endpoint { protocol: Protocol::Tcp, host: "127.0.0.1".to_owned(), port: 0 };
     let listen = match ground.topology {
@@ -119,7 +119,7 @@ fn beside_ground(ground: &BusFile) -> BusFile {
     BusFile { listen, connect, ..ground.clone() }
 }
 
-/// Gives where one that listens on all addresses is reached from its own machine.
+/// Returns where one that listens on all addresses is reached from its own machine.
 fn reached(endpoint: &Endpoint) -> Endpoint {
     let host = match endpoint.host.as_str() {
         "0.0.0.0" => "127.0.0.1".to_owned(),

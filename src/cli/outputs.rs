@@ -105,7 +105,7 @@ impl Drop for PendingFile {
     }
 }
 
-/// Gives the picture of an image, with the strongest places marked.
+/// Returns the picture of an image, with the strongest places marked.
 fn picture(result: &Reconstruction, unit: LengthUnit) -> Result<Vec<u8>, CliError> {
     let Image { grid, values } = &result.image;
     let seen = if result.by_empty_sweep { "What changed since the empty sweep" } else { "What stands there" };
@@ -123,7 +123,7 @@ fn picture(result: &Reconstruction, unit: LengthUnit) -> Result<Vec<u8>, CliErro
     Picture::heat(&spec).map_err(|error| CliError::Fault(error.to_string()))
 }
 
-/// Gives the content of the JSON output.
+/// Returns the content of the JSON output.
 fn report(result: &Reconstruction, settings: &Settings, unit: LengthUnit) -> Value {
     let peak = |peak: &Peak| {
         let significance = peak.significance.min(1e9);
@@ -146,7 +146,7 @@ fn report(result: &Reconstruction, settings: &Settings, unit: LengthUnit) -> Val
     })
 }
 
-/// Gives the settings as the JSON output shows them.
+/// Returns the settings as the JSON output shows them.
 fn settings_json(settings: &Settings, unit: LengthUnit, by_empty_sweep: bool) -> Value {
     let area = settings.grid.area;
     let solver = match settings.solver {
@@ -168,7 +168,7 @@ fn settings_json(settings: &Settings, unit: LengthUnit, by_empty_sweep: bool) ->
     })
 }
 
-/// Tells whether something is there that is neither a file nor a folder.
+/// Returns whether something is there that is neither a file nor a folder.
 pub(super) fn is_device(path: &Path) -> bool {
     path.metadata().is_ok_and(|known| !known.is_file() && !known.is_dir())
 }

@@ -83,7 +83,7 @@ pub(super) struct ShownCells {
     pub cells: Vec<CellState>,
 }
 
-/// Gives the cells of a map's lowest slice within the fence of a venue.
+/// Returns the cells of a map's lowest slice within the fence of a venue.
 pub(super) fn shown_cells(map: &Merged, venue: &Venue) -> ShownCells {
     let lattice = map.lattice();
     let known = map.extent(0);

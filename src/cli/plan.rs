@@ -103,7 +103,7 @@ fn summary(scenario: &Scenario, sweep: &Sweep) -> Result<String, CliError> {
     Ok(text)
 }
 
-/// Gives the gaps between neighbours at the beginning of a lap, in steps of the ring.
+/// Returns the gaps between neighbours at the beginning of a lap, in steps of the ring.
 fn gaps(scenario: &Scenario, plans: &[Plan], lap: &crate::sweep::Lap) -> String {
     let place = |(vehicle, first, _): &(_, _, _)| {
         let plan = plans.iter().find(|plan| plan.vehicle == *vehicle)?;

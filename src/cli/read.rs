@@ -9,7 +9,7 @@ use super::error::CliError;
 /// The largest file that any command reads, bytes.
 pub const LIMIT_BYTES: u64 = 256 << 20;
 
-/// Gives the text of a file.
+/// Returns the text of a file.
 ///
 /// # Errors
 ///
@@ -53,7 +53,7 @@ pub fn standard_input() -> Result<String, CliError> {
     text_of(path, bytes)
 }
 
-/// Gives a loader for a file and all that is named in it, by names such as [`shown`] gives of the file.
+/// Returns a loader for a file and all that is named in it, by names such as [`shown`] gives of the file.
 ///
 /// Configurations name files in UTF-8, but the folder in which they lie may have any name: it is put in the place
 /// of what was shown of it.
@@ -72,12 +72,12 @@ pub fn around(file: &Path) -> impl FnMut(&str) -> Result<String, String> + Send 
     }
 }
 
-/// Gives the name of a file as it is shown in messages and handed to `config` and `scene`.
+/// Returns the name of a file as it is shown in messages and handed to `config` and `scene`.
 pub fn shown(path: &Path) -> String {
     path.to_string_lossy().into_owned()
 }
 
-/// Gives the text of a file that a configuration names, or only the reason why not.
+/// Returns the text of a file that a configuration names, or only the reason why not.
 ///
 /// # Errors
 ///

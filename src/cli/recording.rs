@@ -36,7 +36,7 @@ pub struct RecordingError {
 }
 
 impl RecordingError {
-    /// Gives what parts the name of the file from the problem: a line number stands right after it.
+    /// Returns what parts the name of the file from the problem: a line number stands right after it.
     pub fn gap(&self) -> &'static str {
         if self.place.starts_with(|first: char| first.is_ascii_digit()) { "" } else { " " }
     }
@@ -56,7 +56,7 @@ pub enum LengthUnit {
 }
 
 impl LengthUnit {
-    /// Gives the unit's word.
+    /// Returns the unit's word.
     pub fn word(self) -> &'static str {
         match self {
             LengthUnit::Metre => "m",
@@ -94,7 +94,7 @@ pub fn read_recording(bytes: &[u8]) -> Result<Recording, RecordingError> {
     }
 }
 
-/// Gives a links file: one line per link, an empty `rssi_dbm` where no packet was heard.
+/// Returns a links file: one line per link, an empty `rssi_dbm` where no packet was heard.
 pub fn links_csv(links: &[Link]) -> String {
     let mut text = format!("{LINKS_HEADER}\n");
     for link in links {
@@ -246,7 +246,7 @@ fn read_json(text: &str) -> Result<Recording, RecordingError> {
     Ok(Recording { links: pairs.values().map(Pair::link).collect(), unit: LengthUnit::Cell, area })
 }
 
-/// Gives the area of a dump; without a size there is none.
+/// Returns the area of a dump; without a size there is none.
 fn read_area(dump: &Dump) -> Result<Option<Rect>, RecordingError> {
     let (north, east) =
         pair_of(dump.origin.as_ref(), "origin", (-FARTHEST_M, FARTHEST_M))?.unwrap_or((0.0, 0.0));

@@ -119,12 +119,12 @@ impl Report {
         self.simulated_s / self.wall_s.max(1e-9)
     }
 
-    /// Gives the summary for a person.
+    /// Returns the summary for a person.
     pub fn text(&self) -> String {
         format!("{}{}", self.figures(), self.finds())
     }
 
-    /// Gives the figures in lines.
+    /// Returns the figures in lines.
     fn figures(&self) -> String {
         let separation = self.min_separation_m.map_or("-".to_owned(), |metres| format!("{metres:.2} m"));
         let outcome =
@@ -150,7 +150,7 @@ impl Report {
         )
     }
 
-    /// Gives what was measured, or how every mission ended, in lines.
+    /// Returns what was measured, or how every mission ended, in lines.
     fn measured(&self) -> String {
         if self.missions.is_empty() {
             return format!(
@@ -174,7 +174,7 @@ impl Report {
         lines + &seen
     }
 
-    /// Gives what was found and what was not in lines.
+    /// Returns what was found and what was not in lines.
     fn finds(&self) -> String {
         let mut text = String::new();
         for find in &self.found {
@@ -207,7 +207,7 @@ impl Report {
         folder.write("summary.json", format!("{:#}\n", self.json()).as_bytes())
     }
 
-    /// Gives the figures for a program.
+    /// Returns the figures for a program.
     pub fn json(&self) -> Value {
         let found = |find: &Found| json!({ "x_m": find.at.x_m, "y_m": find.at.y_m, "strength": find.strength, "error_m": find.error_m });
         let person = |(name, at): &(String, Point)| json!({ "name": name, "x_m": at.x_m, "y_m": at.y_m });
@@ -256,7 +256,7 @@ fn seen(scenario: &Scenario, outcome: &Outcome) -> Result<Option<SeenCells>, Sce
     Ok(Some(SeenCells { found: seen.detected(outcome), of: seen.visible.cells.len() }))
 }
 
-/// Tells which images there are none of, and why.
+/// Returns which images there are none of, and why.
 fn not_made(scenario: &Scenario, outcome: &Outcome) -> Vec<String> {
     let mut list = Vec::new();
     if !scenario.sim().is_planned_by_ground() {
@@ -275,7 +275,7 @@ fn not_made(scenario: &Scenario, outcome: &Outcome) -> Vec<String> {
     list
 }
 
-/// Gives the share of the pixels that at least one link across the area looks at.
+/// Returns the share of the pixels that at least one link across the area looks at.
 fn coverage(scenario: &Scenario, links: &[Link]) -> f64 {
     let settings = scenario.image(Subject::Structure);
     let across = links.iter().filter(|link| {
@@ -305,12 +305,12 @@ pub fn write_data(folder: &mut OutputFolder, scenario: &Scenario, outcome: &Outc
     folder.write("run.log", outcome.log.as_bytes())
 }
 
-/// Gives how the missions ended, where vehicles have their own.
+/// Returns how the missions ended, where vehicles have their own.
 fn missions(scenario: &Scenario, outcome: &Outcome) -> Vec<Mission> {
     if scenario.sim().is_planned_by_ground() { Vec::new() } else { outcome.missions.clone() }
 }
 
-/// Says how a mission ended.
+/// Returns how a mission ended.
 fn ended(end: Option<&(Time, End)>) -> String {
     let Some((at, end)) = end else { return "did not end".to_owned() };
     let how = match end {

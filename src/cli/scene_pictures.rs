@@ -38,7 +38,7 @@ pub(super) struct Look {
 }
 
 impl Look {
-    /// Gives where the view is from: the pose asked for, or one above the south-west that shows everything.
+    /// Returns where the view is from: the pose asked for, or one above the south-west that shows everything.
     pub(super) fn viewpoint(&self, depicted: &Depicted) -> Viewpoint {
         if let Some(pose) = self.pose {
             return pose;
@@ -107,7 +107,7 @@ impl Kinds {
     }
 }
 
-/// Gives what the pictures show in the plane: the fence of a simulation, else all that stands there.
+/// Returns what the pictures show in the plane: the fence of a simulation, else all that stands there.
 fn shown(depicted: &Depicted) -> Rect {
     if let Some(sim) = &depicted.sim {
         return around(sim.venue.fence.corners());
@@ -208,7 +208,7 @@ struct Eye<'a> {
 }
 
 impl Eye<'_> {
-    /// Gives the mean colour of a pixel.
+    /// Returns the mean colour of a pixel.
     fn pixel(&self, column: usize, row: usize) -> [u8; 3] {
         let mut sum = [0.0; 3];
         for ray in 0..RAYS * RAYS {
@@ -232,13 +232,13 @@ impl Eye<'_> {
         }
     }
 
-    /// Gives a colour in a light, paler with the distance.
+    /// Returns a colour in a light, paler with the distance.
     fn hazy(&self, colour: [u8; 3], at: [f64; 3], light: f64) -> [f64; 3] {
         let near = colour.map(|channel| f64::from(channel) * EXPOSURE * light);
         mix(near, HORIZON, 1.0 - (-self.distance_m(at) / HAZE_M).exp())
     }
 
-    /// Gives how much darker the ground is on the lines that show metres.
+    /// Returns how much darker the ground is on the lines that show metres.
     fn lines(&self, at: [f64; 3]) -> f64 {
         let off_m = |part: f64| (part - part.round()).abs();
         let is_on = off_m(at[0]).min(off_m(at[1])) < LINE_M;

@@ -88,7 +88,7 @@ fn material_lines(depicted: &Depicted) -> Vec<Line> {
     lines
 }
 
-/// Gives the number of shapes and the innermost names of the first.
+/// Returns the number of shapes and the innermost names of the first.
 fn listed(shapes: &[&VrmlShape]) -> String {
     let named: Vec<&str> = shapes.iter().filter_map(|shape| shape.names.last().map(|name| &**name)).collect();
     let mut shown: Vec<&str> = Vec::new();
@@ -136,7 +136,7 @@ fn hundredths(length_m: f64) -> f64 {
     (length_m * 100.0).round() / 100.0
 }
 
-/// Gives the first of many lines, and how many follow.
+/// Returns the first of many lines, and how many follow.
 fn shortened(mut lines: Vec<Line>, name: &'static str) -> Vec<Line> {
     let more = lines.len().saturating_sub(LINES_SHOWN);
     lines.truncate(LINES_SHOWN);

@@ -43,7 +43,7 @@ pub(super) struct Screen {
 }
 
 impl Screen {
-    /// Tells whether there is a terminal to draw on; if not, why.
+    /// Returns whether there is a terminal to draw on; if not, why.
     ///
     /// # Errors
     /// What is there instead.
@@ -68,7 +68,7 @@ impl Screen {
         Screen { term: console::Term::stderr(), drawn: None }
     }
 
-    /// Gives the terminal's size now.
+    /// Returns the terminal's size now.
     pub(super) fn size(&self) -> Size {
         let (rows, columns) = self.term.size();
         Size { columns: usize::from(columns), rows: usize::from(rows) }

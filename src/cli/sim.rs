@@ -256,7 +256,7 @@ pub(super) fn publish(
     broken.map_or(Ok(()), |reason| Err(CliError::Mission(reason)))
 }
 
-/// Says why a mission failed: it did not end, or a contract was broken on the way. `None` when all is well.
+/// Returns why a mission failed: it did not end, or a contract was broken on the way. `None` when all is well.
 fn why_failed(failure: Option<&str>, collisions: usize, fence_breaches: usize) -> Option<String> {
     let counted = |count: usize, what: &str| (count > 0).then(|| format!("{what}: {count}"));
     let reasons: Vec<String> = [

@@ -112,7 +112,7 @@ pub(super) fn listen(
     Ok(())
 }
 
-/// Tells whether all that is said regularly was heard of everyone.
+/// Returns whether all that is said regularly was heard of everyone.
 fn is_complete(view: &FleetView, expected: &Expected, now: Time) -> bool {
     let is_whole = |id: VehicleId| view.vehicle(id).is_some_and(|seen| seen.health.is_some());
     expected.vehicles(view, now).into_iter().all(is_whole)

@@ -64,7 +64,7 @@ impl Stop {
         let _ = std::thread::Builder::new().name("standard input".to_owned()).spawn(watch);
     }
 
-    /// Tells whether the command shall end.
+    /// Returns whether the command shall end.
     pub fn is_asked(&self) -> bool {
         self.is_asked.load(Ordering::Relaxed)
     }

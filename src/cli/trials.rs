@@ -118,7 +118,7 @@ pub(super) fn run(
     broken(expect, count, trials.len(), safe, found).map_or(Ok(()), |reason| Err(CliError::Mission(reason)))
 }
 
-/// Gives the word for the end that a file expects.
+/// Returns the word for the end that a file expects.
 fn word_of(expect: Expect) -> &'static str {
     match expect {
         Expect::Finished => "finished",
@@ -131,7 +131,7 @@ fn unwritten(source: io::Error) -> CliError {
     CliError::Write { path: "standard output".into(), source }
 }
 
-/// Says which contract was broken, if any, when of `wanted` seeds `run` were run.
+/// Returns which contract was broken, if any, when of `wanted` seeds `run` were run.
 fn broken(expect: Expect, wanted: u64, run: usize, safe: usize, found: usize) -> Option<String> {
     if (run as u64) < wanted {
         return Some(format!("it was asked to stop after {run} of {wanted} seeds"));

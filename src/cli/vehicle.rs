@@ -86,7 +86,7 @@ pub(super) fn answer(finish: Finish) -> Result<(), CliError> {
     }
 }
 
-/// Tells whether a later start may go well without anybody mending anything.
+/// Returns whether a later start may go well without anybody mending anything.
 fn is_passing(error: &VehicleError) -> bool {
     match error {
         VehicleError::StateDir(error) => folder_is_passing(error),

@@ -35,7 +35,7 @@ pub(super) struct Watching<'a> {
     vehicles: Vec<Drawn>,
 }
 
-/// Tells whether a run can be watched here.
+/// Returns whether a run can be watched here.
 ///
 /// # Errors
 /// There is no terminal to draw on.
@@ -45,7 +45,7 @@ pub(super) fn check() -> Result<(), CliError> {
     })
 }
 
-/// Gives how often a run is to show itself, in virtual time, for a pace in virtual seconds a second.
+/// Returns how often a run is to show itself, in virtual time, for a pace in virtual seconds a second.
 pub(super) fn shown_every(pace: Option<f64>) -> Duration {
     pace.map_or(SHOWN_EVERY, |pace| DRAW_EVERY.mul_f64(pace).clamp(SHOWN_MIN, SHOWN_EVERY))
 }

@@ -100,7 +100,7 @@ impl WorldArgs {
     }
 }
 
-/// Says what is wrong: the user's input, or this machine.
+/// Returns what is wrong: the user's input, or this machine.
 fn refused(error: WorldError) -> CliError {
     match error {
         WorldError::NotLoopback { .. } | WorldError::Token { .. } | WorldError::Scenario(_) => {

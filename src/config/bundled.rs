@@ -4,7 +4,7 @@
 /// Name of the default simulation file.
 pub const COURTYARD: &str = "configs/courtyard.sim.toml";
 
-/// Gives the bundled simulation of a name: `courtyard`, `castle`, `trees` or `house`.
+/// Returns the bundled simulation of a name: `courtyard`, `castle`, `trees` or `house`.
 pub fn simulation(name: &str) -> Option<&'static str> {
     match name {
         "courtyard" => Some(COURTYARD),
@@ -15,7 +15,7 @@ pub fn simulation(name: &str) -> Option<&'static str> {
     }
 }
 
-/// Gives the text of a bundled file by its path from the project's root; steps back (`..`) in the path
+/// Returns the text of a bundled file by its path from the project's root; steps back (`..`) in the path
 /// are followed. Fit to be a [`Loader`](super::Loader), for shapes (`.wrl`) too.
 ///
 /// # Errors

@@ -200,7 +200,7 @@ impl Form for Endpoints<'_> {
     }
 }
 
-/// Gives a list of endpoints if it is there; those that are none are refused and left out.
+/// Returns a list of endpoints if it is there; those that are none are refused and left out.
 fn read_endpoints(section: &Section, key: &'static str) -> Option<Vec<Endpoint>> {
     const RULE: &str =
         "endpoints such as [\"tcp/127.0.0.1:7447\"] or [\"tls/ground.local:7447\"] are allowed";
@@ -226,7 +226,7 @@ fn read_endpoints(section: &Section, key: &'static str) -> Option<Vec<Endpoint>>
     Some(endpoints)
 }
 
-/// Gives where a node listens when its file does not say: on its own machine only.
+/// Returns where a node listens when its file does not say: on its own machine only.
 fn default_listen(role: Role, only_connects: bool, is_protected: bool) -> Vec<Endpoint> {
     if only_connects {
         return Vec::new();

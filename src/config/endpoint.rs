@@ -61,14 +61,14 @@ impl Endpoint {
         Ok(Endpoint { protocol, host: host.to_owned(), port })
     }
 
-    /// Tells whether nothing of it leaves this machine.
+    /// Returns whether nothing of it leaves this machine.
     pub fn is_loopback(&self) -> bool {
         let address = self.host.parse::<IpAddr>();
         address.map_or_else(|_| self.host.eq_ignore_ascii_case("localhost"), |address| address.is_loopback())
     }
 }
 
-/// Tells whether a text is an IPv4 address or a name that a host may have.
+/// Returns whether a text is an IPv4 address or a name that a host may have.
 ///
 /// Names of digits and dots only are refused unless they are addresses: "127.0.1" is a mistake.
 pub fn is_host(text: &str) -> bool {

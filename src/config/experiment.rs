@@ -57,7 +57,7 @@ impl Axis {
         Axis::Seed,
     ];
 
-    /// Gives its name in keys, tables and options.
+    /// Returns its name in keys, tables and options.
     pub fn word(self) -> &'static str {
         match self {
             Axis::Mission => "mission",
@@ -167,43 +167,43 @@ impl Experiment {
         &self.keys.name
     }
 
-    /// Gives the number of runs.
+    /// Returns the number of runs.
     pub fn runs(&self) -> usize {
         self.axes.iter().map(Vec::len).product()
     }
 
-    /// Gives the number of different simulations: runs that differ in their seeds only count once.
+    /// Returns the number of different simulations: runs that differ in their seeds only count once.
     pub fn cells(&self) -> usize {
         self.runs() / self.seeds()
     }
 
-    /// Gives the number of seeds.
+    /// Returns the number of seeds.
     pub fn seeds(&self) -> usize {
         self.axes.last().map_or(1, Vec::len)
     }
 
-    /// Tells whether an axis was given.
+    /// Returns whether an axis was given.
     pub fn has(&self, axis: Axis) -> bool {
         self.choices(axis).iter().any(|choice| choice.change != Change::Nothing)
     }
 
-    /// Gives the names of an axis's values, in order; a single "-" when it was not given.
+    /// Returns the names of an axis's values, in order; a single "-" when it was not given.
     pub fn names(&self, axis: Axis) -> Vec<&str> {
         self.choices(axis).iter().map(|choice| choice.name.as_str()).collect()
     }
 
-    /// Gives the name of a run's value on an axis. Run `number` of cell `cell` is `cell × seeds + number`.
+    /// Returns the name of a run's value on an axis. Run `number` of cell `cell` is `cell × seeds + number`.
     pub fn name_of(&self, run: usize, axis: Axis) -> &str {
         self.choice(run, axis).map_or("-", |choice| choice.name.as_str())
     }
 
-    /// Gives the seed of a run; `None` leaves it to the file.
+    /// Returns the seed of a run; `None` leaves it to the file.
     pub fn seed_of(&self, run: usize) -> Option<u64> {
         let Change::Seed(seed) = self.choice(run, Axis::Seed)?.change else { return None };
         Some(seed)
     }
 
-    /// Says which values a run has on the axes that were given: `mission=search scene=castle …`.
+    /// Returns which values a run has on the axes that were given: `mission=search scene=castle …`.
     pub fn key(&self, run: usize, with_seed: bool) -> String {
         let said = |axis: &&Axis| self.has(**axis) && (with_seed || **axis != Axis::Seed);
         let words =
@@ -244,7 +244,7 @@ impl Experiment {
         index.and_then(|index| self.axes.get(index)).map_or(&[], Vec::as_slice)
     }
 
-    /// Gives a run's value on an axis.
+    /// Returns a run's value on an axis.
     fn choice(&self, run: usize, axis: Axis) -> Option<&Choice> {
         let faster = Axis::ALL.iter().filter(|other| **other > axis);
         let step: usize = faster.map(|other| self.choices(*other).len()).product();
@@ -306,7 +306,7 @@ impl Experiment {
 }
 
 impl Change {
-    /// Gives the key of the experiment's file in which it stands.
+    /// Returns the key of the experiment's file in which it stands.
     fn key(&self) -> &'static str {
         match self {
             Change::Nothing => "",
@@ -322,7 +322,7 @@ impl Change {
     }
 }
 
-/// Gives a number as it may stand in a file, without the dust of subtractions.
+/// Returns a number as it may stand in a file, without the dust of subtractions.
 fn exact(number: f64) -> String {
     format!("{:?}", (number * 1e9).round() / 1e9)
 }

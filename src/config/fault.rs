@@ -46,7 +46,7 @@ pub struct Fault {
 }
 
 impl Fault {
-    /// Tells whether it is there for a vehicle at a moment (from `from` on, before `until`).
+    /// Returns whether it is there for a vehicle at a moment (from `from` on, before `until`).
     pub fn hits(&self, now: Time, vehicle: VehicleId) -> bool {
         self.from <= now && now < self.until && self.vehicles.contains(&vehicle)
     }

@@ -106,7 +106,7 @@ fn most_laps(planner: Planner, positions: usize) -> usize {
 pub(super) const SMALLEST_GAP: usize = 4;
 
 impl Planner {
-    /// Tells whether it drives a pattern of the original, over the points of a lattice.
+    /// Returns whether it drives a pattern of the original, over the points of a lattice.
     pub fn is_pattern(self) -> bool {
         match self {
             Planner::RotatingGap | Planner::Fan => false,

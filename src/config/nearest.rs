@@ -1,6 +1,6 @@
 //! The nearest known word to a mistyped one.
 
-/// Gives the known word with the smallest edit distance, if it is near enough to be meant.
+/// Returns the known word with the smallest edit distance, if it is near enough to be meant.
 pub(super) fn nearest<'a>(word: &str, known: &[&'a str]) -> Option<&'a str> {
     let short: String = word.chars().take(64).collect();
     let unit_left_out = format!("{short}_");
@@ -13,7 +13,7 @@ pub(super) fn nearest<'a>(word: &str, known: &[&'a str]) -> Option<&'a str> {
     if near_enough { Some(best.1) } else { is_part }
 }
 
-/// Tells whether one word is the other with more written behind it ("radius" and "radius_m").
+/// Returns whether one word is the other with more written behind it ("radius" and "radius_m").
 fn is_stem(word: &str, known: &str) -> bool {
     word.len() >= 3 && (known.starts_with(word) || word.starts_with(known))
 }

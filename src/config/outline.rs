@@ -5,7 +5,7 @@ use crate::geom::{Point, Polygon, Segment};
 /// The longest outline that is accepted, corners.
 pub(super) const CORNERS: std::ops::RangeInclusive<usize> = 3..=500;
 
-/// Tells what is wrong with an outline, or gives it as a polygon.
+/// Returns what is wrong with an outline, or gives it as a polygon.
 pub(super) fn simple_polygon(corners: Vec<Point>) -> Result<Polygon, String> {
     let polygon = Polygon::new(corners);
     let edges: Vec<Segment> = polygon.edges().collect();

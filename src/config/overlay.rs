@@ -56,7 +56,7 @@ impl Layer {
         self.values.extend(other.values.iter().map(|(path, laid)| (path.clone(), laid.clone())));
     }
 
-    /// Gives the same values under a table.
+    /// Returns the same values under a table.
     pub(super) fn under(&self, table: &[&str]) -> Layer {
         let moved =
             |path: &[String]| table.iter().map(|part| (*part).to_owned()).chain(path.to_vec()).collect();
@@ -69,7 +69,7 @@ impl Layer {
         self.values.iter().map(|(path, laid)| (joined(path), laid.outside.as_deref().unwrap_or(&laid.raw)))
     }
 
-    /// Gives the layer as TOML, and for each of its lines the one that it was taken from.
+    /// Returns the layer as TOML, and for each of its lines the one that it was taken from.
     fn text(&self) -> (String, Vec<usize>) {
         let (mut text, mut lines) = (String::new(), Vec::new());
         for (path, laid) in &self.values {
@@ -102,7 +102,7 @@ pub(super) struct Overlay {
 }
 
 impl Overlay {
-    /// Gives what is laid over a file of a kind, if anything can be.
+    /// Returns what is laid over a file of a kind, if anything can be.
     pub(super) fn layer(&self, kind: &str) -> Option<&Layer> {
         match kind {
             "sim" => Some(&self.sim),

@@ -63,12 +63,12 @@ impl Problems {
         Problems(sorted)
     }
 
-    /// Gives the problems, by file and line.
+    /// Returns the problems, by file and line.
     pub fn list(&self) -> &[Problem] {
         &self.0
     }
 
-    /// Tells whether nothing is wrong.
+    /// Returns whether nothing is wrong.
     pub fn is_empty(&self) -> bool {
         self.0.is_empty()
     }

@@ -149,7 +149,7 @@ pub struct Partition {
 }
 
 impl Partition {
-    /// Tells whether nothing goes between two nodes at a moment (from `from` on, before `until`).
+    /// Returns whether nothing goes between two nodes at a moment (from `from` on, before `until`).
     pub fn cuts(&self, now: Time, a: Sender, b: Sender) -> bool {
         let side_of = |node| self.sides.iter().position(|side| side.contains(&node));
         side_of(a) != side_of(b) && self.from <= now && now < self.until

@@ -134,7 +134,7 @@ pub struct SceneFile {
 }
 
 impl SceneFile {
-    /// Gives the scene that a file of shapes alone makes, all else being left out.
+    /// Returns the scene that a file of shapes alone makes, all else being left out.
     pub fn of_shapes(up: Up) -> SceneFile {
         SceneFile {
             name: "scene".to_owned(),

@@ -50,7 +50,7 @@ impl<'s> Section<'s> {
         Section { source, prefix, line, table, asked, moved, has_others }
     }
 
-    /// Gives the line in which it begins.
+    /// Returns the line in which it begins.
     pub(super) fn line(&self) -> usize {
         self.line
     }
@@ -112,28 +112,28 @@ impl<'s> Section<'s> {
         }
     }
 
-    /// Gives the full name of one of its keys.
+    /// Returns the full name of one of its keys.
     pub(super) fn full(&self, key: &str) -> String {
         format!("{}{key}", self.prefix)
     }
 
-    /// Tells whether a key is given.
+    /// Returns whether a key is given.
     pub(super) fn has(&self, key: &'static str) -> bool {
         self.value(key).is_some()
     }
 
-    /// Gives a number; the default when it is left out or wrong.
+    /// Returns a number; the default when it is left out or wrong.
     pub(super) fn number(&self, key: &'static str, default: f64, allowed: RangeInclusive<f64>) -> f64 {
         self.optional_number(key, allowed).unwrap_or_else(|| self.fall_back(key, default))
     }
 
-    /// Gives a number that must be there; the lower limit when it is not.
+    /// Returns a number that must be there; the lower limit when it is not.
     pub(super) fn required_number(&self, key: &'static str, allowed: RangeInclusive<f64>) -> f64 {
         self.require(key, &number_rule(&allowed));
         self.optional_number(key, allowed.clone()).unwrap_or(*allowed.start())
     }
 
-    /// Gives a number if it is there and right.
+    /// Returns a number if it is there and right.
     pub(super) fn optional_number(&self, key: &'static str, allowed: RangeInclusive<f64>) -> Option<f64> {
         let value = self.value(key)?;
         let number = number_of(value.get_ref());
@@ -145,7 +145,7 @@ impl<'s> Section<'s> {
         within
     }
 
-    /// Gives a whole number; the default when it is left out or wrong.
+    /// Returns a whole number; the default when it is left out or wrong.
     pub(super) fn whole(&self, key: &'static str, default: usize, allowed: RangeInclusive<usize>) -> usize {
         let Some(value) = self.value(key) else { return self.fall_back(key, default) };
         let number = whole_of(value.get_ref());
@@ -176,7 +176,7 @@ impl<'s> Section<'s> {
         }
     }
 
-    /// Gives a yes or no; the default when it is left out or wrong.
+    /// Returns a yes or no; the default when it is left out or wrong.
     pub(super) fn flag(&self, key: &'static str, default: bool) -> bool {
         let Some(value) = self.value(key) else { return self.fall_back(key, default) };
         let flag = value.get_ref().as_bool();
@@ -186,7 +186,7 @@ impl<'s> Section<'s> {
         flag.unwrap_or(default)
     }
 
-    /// Gives a text if it is there and no longer than 200 bytes.
+    /// Returns a text if it is there and no longer than 200 bytes.
     pub(super) fn text(&self, key: &'static str) -> Option<String> {
         let value = self.value(key)?;
         let text = value.get_ref().as_str().filter(|text| !text.is_empty() && text.len() <= 200);
@@ -196,7 +196,7 @@ impl<'s> Section<'s> {
         text.map(str::to_owned)
     }
 
-    /// Gives a name that can be part of a file's name; the default when it is left out or wrong.
+    /// Returns a name that can be part of a file's name; the default when it is left out or wrong.
     pub(super) fn name(&self, key: &'static str, default: &str) -> String {
         let Some(text) = self.text(key) else { return default.to_owned() };
         let is_plain = |c: char| c.is_ascii_alphanumeric() || matches!(c, '-' | '_');
@@ -207,7 +207,7 @@ impl<'s> Section<'s> {
         default.to_owned()
     }
 
-    /// Gives one of several named values; the default when it is left out or wrong.
+    /// Returns one of several named values; the default when it is left out or wrong.
     pub(super) fn choice<T: Copy>(&self, key: &'static str, default: T, names: &[(&str, T)]) -> T {
         let Some(value) = self.value(key) else { return default };
         let word = value.get_ref().as_str();
@@ -219,7 +219,7 @@ impl<'s> Section<'s> {
         found.map_or(default, |(_, value)| *value)
     }
 
-    /// Gives a list of numbers if it is there and right, in its length too.
+    /// Returns a list of numbers if it is there and right, in its length too.
     pub(super) fn optional_numbers(
         &self,
         key: &'static str,
@@ -240,7 +240,7 @@ impl<'s> Section<'s> {
         numbers
     }
 
-    /// Gives a list of numbers; the default when it is left out or wrong.
+    /// Returns a list of numbers; the default when it is left out or wrong.
     pub(super) fn numbers(
         &self,
         key: &'static str,
@@ -251,14 +251,14 @@ impl<'s> Section<'s> {
         self.optional_numbers(key, length, allowed).unwrap_or_else(|| default.to_vec())
     }
 
-    /// Gives a place `[x, y]` that must be there; the datum when it is not.
+    /// Returns a place `[x, y]` that must be there; the datum when it is not.
     pub(super) fn required_point(&self, key: &'static str) -> Point {
         self.require(key, "a place [x, y] in metres is needed");
         let numbers = self.optional_numbers(key, 2..=2, COORDINATE_M);
         numbers.map_or(Point::default(), |pair| Point::new(pair[0], pair[1]))
     }
 
-    /// Gives a list of places `[[x, y], …]` that must be there; nothing when it is wrong.
+    /// Returns a list of places `[[x, y], …]` that must be there; nothing when it is wrong.
     pub(super) fn required_points(&self, key: &'static str, length: RangeInclusive<usize>) -> Vec<Point> {
         let rule = format!("a list of {} places [x, y] in metres is needed", span(&length));
         self.require(key, &rule);
@@ -327,7 +327,7 @@ impl<'s> Section<'s> {
         opened
     }
 
-    /// Gives the elements of a list, or `None` when the key is left out or is no list.
+    /// Returns the elements of a list, or `None` when the key is left out or is no list.
     pub(super) fn list(&self, key: &'static str) -> Option<&'s [Spanned<DeValue<'s>>]> {
         self.value(key)?.get_ref().as_array().map(|list| &list[..])
     }
@@ -421,7 +421,7 @@ fn span(length: &RangeInclusive<usize>) -> String {
     }
 }
 
-/// Gives the number that a value is, whole or not; the limits are checked by the caller.
+/// Returns the number that a value is, whole or not; the limits are checked by the caller.
 pub(super) fn number_of(value: &DeValue) -> Option<f64> {
     if let Some(float) = value.as_float() {
         return float.as_str().parse().ok();
@@ -430,7 +430,7 @@ pub(super) fn number_of(value: &DeValue) -> Option<f64> {
     i64::from_str_radix(integer.as_str(), integer.radix()).ok().map(|whole| whole as f64)
 }
 
-/// Gives the whole number from 0 upward that a value is.
+/// Returns the whole number from 0 upward that a value is.
 pub(super) fn whole_of(value: &DeValue) -> Option<usize> {
     let integer = value.as_integer()?;
     usize::from_str_radix(integer.as_str(), integer.radix()).ok()

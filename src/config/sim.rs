@@ -71,18 +71,18 @@ pub struct Sim {
 }
 
 impl Sim {
-    /// Gives the ids of the vehicles, 1 to `count`.
+    /// Returns the ids of the vehicles, 1 to `count`.
     pub fn vehicle_ids(&self) -> impl Iterator<Item = VehicleId> + use<> {
         (1..=self.vehicles.count).filter_map(|id| u8::try_from(id).ok()).map(VehicleId)
     }
 
-    /// Gives the place where a vehicle starts; `None` for a vehicle that is not of this simulation.
+    /// Returns the place where a vehicle starts; `None` for a vehicle that is not of this simulation.
     pub fn home(&self, vehicle: VehicleId) -> Option<Point> {
         let index = usize::from(vehicle.0).checked_sub(1).filter(|index| *index < self.vehicles.count)?;
         self.venue.homes.get(index).copied()
     }
 
-    /// Gives what a vehicle surely sees and how it stops, the one rule for its speed.
+    /// Returns what a vehicle surely sees and how it stops, the one rule for its speed.
     pub fn sight(&self) -> Sight {
         let Sim { vehicles, range, safety, .. } = self;
         sight(&vehicles.body, &range.look, safety, self.venue.cell_m, vehicles.pose_sd_m)

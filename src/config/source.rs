@@ -70,18 +70,18 @@ impl<'t> Source<'t> {
         source
     }
 
-    /// Gives what is laid over this file and those that it names.
+    /// Returns what is laid over this file and those that it names.
     pub(super) fn overlay(&self) -> Option<&'t Overlay> {
         self.over.as_ref().map(|over| over.overlay)
     }
 
-    /// Gives the name of the file in which a key's value stands: this one, unless it was laid over.
+    /// Returns the name of the file in which a key's value stands: this one, unless it was laid over.
     pub(super) fn file_of(&self, key: &str) -> String {
         let line = self.places.borrow().get(key).map_or(1, |place| place.line);
         self.place_of(line).0.to_owned()
     }
 
-    /// Gives the file and the line of what stands in a line of the text.
+    /// Returns the file and the line of what stands in a line of the text.
     fn place_of(&self, line: usize) -> (&str, usize) {
         let laid = self.over.as_ref().and_then(|over| {
             let index = line.checked_sub(over.first_line)?;
@@ -90,7 +90,7 @@ impl<'t> Source<'t> {
         laid.unwrap_or((&self.file, line))
     }
 
-    /// Gives the name of the file.
+    /// Returns the name of the file.
     pub(super) fn file(&self) -> &str {
         &self.file
     }
@@ -128,7 +128,7 @@ impl<'t> Source<'t> {
         tree
     }
 
-    /// Gives the number of the line in which a span begins, counted from 1.
+    /// Returns the number of the line in which a span begins, counted from 1.
     pub(super) fn line_of(&self, span: Range<usize>) -> usize {
         self.line_starts.partition_point(|start| *start <= span.start).max(1)
     }
@@ -172,12 +172,12 @@ impl<'t> Source<'t> {
         self.note(Class::Keys, line, key, "", "is missing", rule);
     }
 
-    /// Tells whether a key was read so far: given or left out.
+    /// Returns whether a key was read so far: given or left out.
     pub(super) fn is_known(&self, key: &str) -> bool {
         self.places.borrow().contains_key(key)
     }
 
-    /// Tells whether nothing is wrong with the given keys and what lies below them, so that a check
+    /// Returns whether nothing is wrong with the given keys and what lies below them, so that a check
     /// of several values together makes sense.
     pub(super) fn is_sound(&self, keys: &[&str]) -> bool {
         let concerns = |problem: &Problem, key: &str| {
@@ -194,7 +194,7 @@ impl<'t> Source<'t> {
         self.found.borrow_mut().extend(others);
     }
 
-    /// Gives the value if nothing is wrong, and the problems otherwise.
+    /// Returns the value if nothing is wrong, and the problems otherwise.
     pub(super) fn finish<T>(&self, value: Option<T>) -> Result<T, Problems> {
         let found = self.found.take();
         let broken: Vec<usize> =
@@ -215,12 +215,12 @@ impl<'t> Source<'t> {
         }
     }
 
-    /// Gives the text of a value as it stands in the file.
+    /// Returns the text of a value as it stands in the file.
     pub(super) fn raw(&self, value: &Spanned<DeValue<'_>>) -> &'t str {
         self.text.get(value.span()).unwrap_or_default()
     }
 
-    /// Gives the text of a value as it stands in the file, on one line and shortened.
+    /// Returns the text of a value as it stands in the file, on one line and shortened.
     pub(super) fn shown(&self, value: &Spanned<DeValue<'_>>) -> String {
         let raw = self.raw(value);
         let printable = raw.chars().map(|c| if c.is_control() { ' ' } else { c });

@@ -304,7 +304,7 @@ impl Form for Waypoints<'_> {
 /// The key of the file of places.
 const FILE: &str = "mission.file";
 
-/// Gives the places of a waypoint file in the venue's frame; what lies outside the fence is refused by its line.
+/// Returns the places of a waypoint file in the venue's frame; what lies outside the fence is refused by its line.
 fn places_of(source: &Source<'_>, path: &str, file: &WaypointFile, venue: &Venue) -> Vec<Point> {
     let places = file.points(&venue.plane());
     if places.is_empty() || places.len() > TASK_PLACES_MAX {

@@ -350,7 +350,7 @@ impl Keyed for Safety {
     }
 }
 
-/// Gives what a vehicle surely sees and how it stops, the one rule for its speed: the corridor that must be known free
+/// Returns what a vehicle surely sees and how it stops, the one rule for its speed: the corridor that must be known free
 /// ends half a cell's diagonal before the sure range, every beam is looked along once a cycle, and one reading later
 /// the brakes are told. `pose_sd_m` is the deviation of its place, metres.
 pub(super) fn sight(body: &Body, look: &Look, safety: &Safety, cell_m: f64, pose_sd_m: f64) -> Sight {

@@ -80,7 +80,7 @@ pub struct Record {
 }
 
 impl Record {
-    /// Gives the most that all recordings together take, bytes; `None` when nothing is recorded.
+    /// Returns the most that all recordings together take, bytes; `None` when nothing is recorded.
     pub fn limit_bytes(self) -> Option<u64> {
         (self.limit_mb > 0).then_some(self.limit_mb as u64 * 1_000_000)
     }
@@ -395,7 +395,7 @@ fn check_world(root: &Section<'_>, drivers: &Drivers) {
     }
 }
 
-/// Gives the home of a vehicle, where its body and the room around it must fit, as they must around the area.
+/// Returns the home of a vehicle, where its body and the room around it must fit, as they must around the area.
 fn check_home(root: &Section, venue: &Venue, id: VehicleId, reach_m: f64) -> Option<Point> {
     let Some(home) = venue.homes.get(usize::from(id.0).checked_sub(1)?) else {
         let wrong = format!("has no home: the venue has {} of them", venue.homes.len());

@@ -83,7 +83,7 @@ impl Venue {
         Bearing::from_degrees(self.x_axis_bearing_deg)
     }
 
-    /// Gives a hash over everything that must be equal on all nodes: all but the name. Comments,
+    /// Returns a hash over everything that must be equal on all nodes: all but the name. Comments,
     /// layout and the order of keys do not count. (FNV-1a, 64 bits, over the IEEE bytes.)
     pub fn hash(&self) -> u64 {
         let Datum { latitude_deg, longitude_deg, altitude_m } = self.datum;
@@ -100,13 +100,13 @@ impl Venue {
         hash.0.finish()
     }
 
-    /// Gives the plane of the local frame on the earth.
+    /// Returns the plane of the local frame on the earth.
     pub fn plane(&self) -> TangentPlane {
         let Datum { latitude_deg, longitude_deg, altitude_m } = self.datum;
         TangentPlane::new(Geodetic { latitude_deg, longitude_deg, altitude_m }, self.x_axis_bearing())
     }
 
-    /// Gives the number of altitude slices of the map.
+    /// Returns the number of altitude slices of the map.
     pub fn slices(&self) -> usize {
         self.slice_borders_m.len().saturating_sub(1)
     }

@@ -145,7 +145,7 @@ pub enum MissionItem {
 }
 
 impl MissionItem {
-    /// Gives the place to which the vehicle goes for this item; `None` where it stays, or goes home.
+    /// Returns the place to which the vehicle goes for this item; `None` where it stays, or goes home.
     pub fn spot(&self) -> Option<Spot> {
         match self {
             MissionItem::Waypoint { to: target, .. }
@@ -232,17 +232,17 @@ impl WaypointFile {
         Ok(file)
     }
 
-    /// Gives the items in order, home not among them.
+    /// Returns the items in order, home not among them.
     pub fn items(&self) -> &[MissionItem] {
         &self.items
     }
 
-    /// Gives the mission as "QGC WPL 110", tab-separated, home first; what [`WaypointFile::read`] gives back.
+    /// Returns the mission as "QGC WPL 110", tab-separated, home first; what [`WaypointFile::read`] gives back.
     pub fn to_wpl(&self) -> String {
         wpl::write(self)
     }
 
-    /// Gives the places to which the vehicle goes, in the local frame, each with the index of its item.
+    /// Returns the places to which the vehicle goes, in the local frame, each with the index of its item.
     pub fn points(&self, frame: &TangentPlane) -> Vec<(usize, Point)> {
         let altitude_m = self.home.map_or(0.0, |home| home.altitude_m);
         let local = |spot: Spot| {
@@ -254,7 +254,7 @@ impl WaypointFile {
         spots.map(|(index, spot)| (index, local(spot))).collect()
     }
 
-    /// Says what is wrong with an item, for a check that needs to know more than the file (a fence, a vehicle).
+    /// Returns what is wrong with an item, for a check that needs to know more than the file (a fence, a vehicle).
     pub fn problem(&self, file_name: &str, index: usize, wrong: &str, allowed: &str) -> Problem {
         let origin = self.origins.get(index).cloned().unwrap_or_else(|| wpl::origin_of(index));
         let value = self.items.get(index).map_or_else(String::new, item::shown);
@@ -280,7 +280,7 @@ impl<'a> Notes<'a> {
         Notes { file, found: Vec::new() }
     }
 
-    /// Tells whether so much is wrong that reading on is of no use.
+    /// Returns whether so much is wrong that reading on is of no use.
     fn are_full(&self) -> bool {
         self.found.len() >= MOST_PROBLEMS
     }

@@ -43,12 +43,12 @@ impl Bar {
         }
     }
 
-    /// Gives the share of the bar at which a value lies; outside 0..1 beyond its ends.
+    /// Returns the share of the bar at which a value lies; outside 0..1 beyond its ends.
     pub(super) fn share(&self, value: f64) -> f64 {
         (value - self.low) / (self.high - self.low)
     }
 
-    /// Gives the width it needs right of the plot, pixels.
+    /// Returns the width it needs right of the plot, pixels.
     pub(super) fn side_px(&self) -> u32 {
         let labels = (1..=8).flat_map(|most| ticks(self.low, self.high, most)).map(|tick| tick.label);
         let label_px = labels.map(|label| width_px(&label, SMALL)).max().unwrap_or(0);

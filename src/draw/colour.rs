@@ -44,7 +44,7 @@ impl ColourMap {
         ColourMap { levels: (0..LEVELS).map(|level| of_lightness(target(level))).collect() }
     }
 
-    /// Gives the colour for a share of the range; shares outside 0..1 take the nearest end.
+    /// Returns the colour for a share of the range; shares outside 0..1 take the nearest end.
     pub(super) fn at(&self, share: f64) -> Rgb888 {
         // A share that is not a number (a range too wide for f64) becomes level 0 by the cast.
         let level = (share.clamp(0.0, 1.0) * (LEVELS - 1) as f64 + 0.5) as usize;
@@ -52,7 +52,7 @@ impl ColourMap {
     }
 }
 
-/// Gives the colour on the way through the anchors that has a lightness L*.
+/// Returns the colour on the way through the anchors that has a lightness L*.
 fn of_lightness(target: f64) -> Rgb888 {
     let next = (1..ANCHORS.len() - 1).find(|i| lightness(ANCHORS[*i].map(f64::from)) >= target);
     let next = next.unwrap_or(ANCHORS.len() - 1);
@@ -71,7 +71,7 @@ fn of_lightness(target: f64) -> Rgb888 {
     Rgb888::new(red, green, blue)
 }
 
-/// Gives CIE lightness L* (0 to 100) of an sRGB colour with channels 0 to 255 (IEC 61966-2-1, CIE 15).
+/// Returns CIE lightness L* (0 to 100) of an sRGB colour with channels 0 to 255 (IEC 61966-2-1, CIE 15).
 fn lightness(srgb: [f64; 3]) -> f64 {
     let linear = srgb.map(|channel| {
         let share = channel / 255.0;
@@ -85,7 +85,7 @@ fn lightness(srgb: [f64; 3]) -> f64 {
     }
 }
 
-/// Gives a mixture of two colours; share 0 is `under`, 1 is `over`.
+/// Returns a mixture of two colours; share 0 is `under`, 1 is `over`.
 pub(super) fn mix(under: Rgb888, over: Rgb888, share: f64) -> Rgb888 {
     let channel = |a: u8, b: u8| {
         libm::round(f64::from(a) + (f64::from(b) - f64::from(a)) * share.clamp(0.0, 1.0)) as u8

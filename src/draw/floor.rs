@@ -54,7 +54,7 @@ pub struct FloorPlan<'a> {
 }
 
 impl Picture {
-    /// Draws a floor plan with scale and legend, and gives it as PNG bytes, north up.
+    /// Draws a floor plan with scale and legend, and returns it as PNG bytes, north up.
     ///
     /// # Errors
     /// [`DrawError::AreaNotFinite`].
@@ -86,7 +86,7 @@ fn colour(plan: &FloorPlan<'_>, shape: &FloorShape) -> Rgb888 {
     if shape.is_above { mix(PAPER, full, FAINT) } else { full }
 }
 
-/// Gives the legend: every material that is seen, and once what is above.
+/// Returns the legend: every material that is seen, and once what is above.
 fn legend(plan: &FloorPlan<'_>) -> Legend {
     let is_used = |index: usize, is_above: bool| {
         plan.shapes.iter().any(|shape| shape.material == index && shape.is_above == is_above)
@@ -144,7 +144,7 @@ fn fill(picture: &mut Picture, plot: Rectangle, contours: &[Vec<At>], colour: Rg
     }
 }
 
-/// Gives where a contour's sides cross a row.
+/// Returns where a contour's sides cross a row.
 fn crossings_of(contour: &[At], y_px: f64) -> impl Iterator<Item = f64> {
     let next = contour.iter().cycle().skip(1);
     contour.iter().zip(next).filter_map(move |(from, to)| {
@@ -153,7 +153,7 @@ fn crossings_of(contour: &[At], y_px: f64) -> impl Iterator<Item = f64> {
     })
 }
 
-/// Gives the columns of the plot whose middles lie between two places.
+/// Returns the columns of the plot whose middles lie between two places.
 fn columns_between(from_px: f64, to_px: f64, plot: Rectangle) -> Range<i32> {
     let (left, right) = (plot.top_left.x, plot.top_left.x + plot.size.width as i32);
     let column = |at_px: f64| (libm::ceil(at_px - 0.5) as i32).clamp(left, right);

@@ -42,7 +42,7 @@ pub struct HeatMap<'a> {
 }
 
 impl HeatMap<'_> {
-    /// Gives where the picture lies.
+    /// Returns where the picture lies.
     ///
     /// # Errors
     /// [`DrawError::AreaNotFinite`].
@@ -122,7 +122,7 @@ fn values(picture: &mut Picture, layout: &Layout, map: &HeatMap, colour: impl Fn
     }
 }
 
-/// Gives the mean over some columns and rows; not finite as soon as one value is not, so that it cannot hide.
+/// Returns the mean over some columns and rows; not finite as soon as one value is not, so that it cannot hide.
 fn mean(values: &[f64], pitch: usize, columns: &Range<usize>, rows: &Range<usize>) -> f64 {
     let lines = rows.clone().map(|row| &values[row * pitch + columns.start..row * pitch + columns.end]);
     let count = columns.len() * rows.len();

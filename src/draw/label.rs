@@ -58,13 +58,13 @@ impl Labels {
         }
     }
 
-    /// Gives the labels that found a place.
+    /// Returns the labels that found a place.
     pub(super) fn placed(&self) -> &[Placed] {
         &self.placed
     }
 }
 
-/// Gives eight rectangles of a size around a mark, at a gap.
+/// Returns eight rectangles of a size around a mark, at a gap.
 fn around(mark: Rectangle, size: Size, gap_px: i32, sides_first: bool) -> [Rectangle; 8] {
     let Rectangle { top_left, size: marked } = mark;
     let (width, height) = (size.width as i32, size.height as i32);

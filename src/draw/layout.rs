@@ -72,7 +72,7 @@ impl Layout {
         Ok(Layout { view, plot, size, x_ticks, y_ticks, legend_top: legend_top as i32, scale_px_per_m })
     }
 
-    /// Gives where the whole picture lies in the plane.
+    /// Returns where the whole picture lies in the plane.
     pub(super) fn placement(&self) -> Placement {
         let metres_per_px = 1.0 / self.scale_px_per_m;
         let x_m = self.view.min.x_m - f64::from(self.plot.top_left.x) * metres_per_px;
@@ -80,22 +80,22 @@ impl Layout {
         Placement { corner: Point::new(x_m, y_m), metres_per_px }
     }
 
-    /// Gives the place in the picture of a point of the plane.
+    /// Returns the place in the picture of a point of the plane.
     pub(super) fn place(&self, point: Point) -> At {
         At::new(self.x_px(point.x_m), self.y_px(point.y_m))
     }
 
-    /// Gives the pixel coordinate of an x coordinate.
+    /// Returns the pixel coordinate of an x coordinate.
     pub(super) fn x_px(&self, x_m: f64) -> f64 {
         f64::from(self.plot.top_left.x) + (x_m - self.view.min.x_m) * self.scale_px_per_m
     }
 
-    /// Gives the pixel coordinate of a y coordinate; y grows upward in the plane and downward in the picture.
+    /// Returns the pixel coordinate of a y coordinate; y grows upward in the plane and downward in the picture.
     pub(super) fn y_px(&self, y_m: f64) -> f64 {
         f64::from(self.plot.top_left.y) + (self.view.max.y_m - y_m) * self.scale_px_per_m
     }
 
-    /// Gives a length in pixels.
+    /// Returns a length in pixels.
     pub(super) fn length_px(&self, length_m: f64) -> f64 {
         length_m * self.scale_px_per_m
     }
@@ -108,7 +108,7 @@ impl Layout {
         (0..self.plot.size.width).map(|x| shown(f64::from(x) - start_px, pitch_px, count)).collect()
     }
 
-    /// Gives the same for the pixel rows of the plot from the top; grid rows run from south to north.
+    /// Returns the same for the pixel rows of the plot from the top; grid rows run from south to north.
     pub(super) fn rows(&self, south_m: f64, pitch_m: f64, count: usize) -> Vec<std::ops::Range<usize>> {
         let pitch_px = self.length_px(pitch_m);
         let start_px = self.y_px(south_m) - f64::from(self.plot.top_left.y);
@@ -116,7 +116,7 @@ impl Layout {
     }
 }
 
-/// Gives the indices of cells of `pitch_px` pixels that a pixel from `offset_px` to `offset_px` + 1 shows.
+/// Returns the indices of cells of `pitch_px` pixels that a pixel from `offset_px` to `offset_px` + 1 shows.
 fn shown(offset_px: f64, pitch_px: f64, count: usize) -> std::ops::Range<usize> {
     let middle = libm::floor((offset_px + 0.5) / pitch_px);
     if !(middle >= 0.0 && middle < count as f64) {
@@ -129,7 +129,7 @@ fn shown(offset_px: f64, pitch_px: f64, count: usize) -> std::ops::Range<usize> 
     (first.max(0.0) as usize).min(middle as usize)..(end as usize).clamp(middle as usize + 1, count)
 }
 
-/// Gives the metres to show: the area, and the overlays that lie near it.
+/// Returns the metres to show: the area, and the overlays that lie near it.
 fn view(area: Rect, overlays: &[Overlay]) -> Result<Rect, DrawError> {
     let Rect { min, max } = area;
     let error =
@@ -152,7 +152,7 @@ fn view(area: Rect, overlays: &[Overlay]) -> Result<Rect, DrawError> {
     if finite && view.width_m().is_finite() && view.height_m().is_finite() { Ok(view) } else { Err(error) }
 }
 
-/// Gives the smallest side that still has distinct coordinates in f64.
+/// Returns the smallest side that still has distinct coordinates in f64.
 fn least_m(view: Rect) -> f64 {
     let sizes = [view.min.x_m, view.min.y_m, view.max.x_m, view.max.y_m].map(f64::abs);
     let longer_m = view.width_m().max(view.height_m());

@@ -54,7 +54,7 @@ impl Legend {
         Legend { entries: fills.into_iter().chain(marks).collect() }
     }
 
-    /// Gives the height when laid out within a width, pixels.
+    /// Returns the height when laid out within a width, pixels.
     pub(super) fn height_px(&self, width_px: u32) -> u32 {
         self.corners(width_px).last().map_or(0, |corner| corner.y as u32 + ROW_PX)
     }
@@ -73,7 +73,7 @@ impl Legend {
         }
     }
 
-    /// Gives the upper left corner of each entry, row after row.
+    /// Returns the upper left corner of each entry, row after row.
     fn corners(&self, room_px: u32) -> Vec<Point> {
         let mut next = Point::zero();
         let mut corners = Vec::with_capacity(self.entries.len());

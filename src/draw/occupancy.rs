@@ -84,7 +84,7 @@ impl OccupancyMap<'_> {
         Legend::new(states.map(entry).to_vec(), &self.overlays)
     }
 
-    /// Gives where the picture lies.
+    /// Returns where the picture lies.
     ///
     /// # Errors
     /// [`DrawError::AreaNotFinite`].

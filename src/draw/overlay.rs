@@ -69,7 +69,7 @@ pub enum Overlay {
 }
 
 impl Overlay {
-    /// Gives the mark that shows it.
+    /// Returns the mark that shows it.
     pub(super) fn mark(&self) -> Mark {
         match self {
             Overlay::Outline { .. } => Mark::Outline,
@@ -83,7 +83,7 @@ impl Overlay {
         }
     }
 
-    /// Gives what is written beside it in the plot.
+    /// Returns what is written beside it in the plot.
     pub(super) fn label(&self) -> Option<&str> {
         match self {
             Overlay::Outline { label, .. }
@@ -95,7 +95,7 @@ impl Overlay {
         }
     }
 
-    /// Gives the places that the plot should show, finite ones only.
+    /// Returns the places that the plot should show, finite ones only.
     pub(super) fn places(&self) -> Vec<Point> {
         let places = match self {
             Overlay::Outline { polygon, .. } | Overlay::Fence { polygon } => polygon.corners().to_vec(),
@@ -107,7 +107,7 @@ impl Overlay {
         places.into_iter().filter(|place| place.is_finite()).collect()
     }
 
-    /// Gives what the legend calls it.
+    /// Returns what the legend calls it.
     pub(super) fn legend_text(&self) -> String {
         match self {
             Overlay::Outline { .. } => "true outline".to_string(),
@@ -142,7 +142,7 @@ pub(super) enum Mark {
 }
 
 impl Mark {
-    /// Gives the pen it is drawn with.
+    /// Returns the pen it is drawn with.
     pub(super) fn pen(self, theme: &Theme) -> Pen {
         let pen = |width_px: f64, colour: Rgb888| Pen { width_px, colour, opacity: 1.0, dash_px: None };
         match self {

@@ -79,7 +79,7 @@ fn cased(sheet: &mut Sheet, picture: &mut Picture, theme: &Theme, mark: Mark, pa
     sheet.path(picture, path, pen);
 }
 
-/// Gives the opacity of a mark's rim: faint for tracks, which lie close to each other.
+/// Returns the opacity of a mark's rim: faint for tracks, which lie close to each other.
 fn mark_rim(mark: Mark) -> f64 {
     match mark {
         Mark::Track { .. } => 0.35,
@@ -88,7 +88,7 @@ fn mark_rim(mark: Mark) -> f64 {
     }
 }
 
-/// Gives the paths an overlay is drawn with.
+/// Returns the paths an overlay is drawn with.
 fn paths(overlay: &Overlay, layout: &Layout) -> Vec<Vec<At>> {
     match overlay {
         Overlay::Outline { polygon, .. } | Overlay::Fence { polygon } => vec![closed(polygon, layout)],
@@ -134,7 +134,7 @@ fn radius_px(radius_m: f64, layout: &Layout) -> f64 {
     layout.length_px(radius_m).max(CIRCLE_LEAST_PX)
 }
 
-/// Gives the pixels of a mark that stands at one point, when that point lies in the plot.
+/// Returns the pixels of a mark that stands at one point, when that point lies in the plot.
 fn point_mark(overlay: &Overlay, layout: &Layout) -> Option<Rectangle> {
     match overlay {
         Overlay::Circle { at, radius_m, .. } => around(*at, radius_px(*radius_m, layout) + 2.0, layout),
@@ -146,7 +146,7 @@ fn point_mark(overlay: &Overlay, layout: &Layout) -> Option<Rectangle> {
     }
 }
 
-/// Gives the pixels that labels shall not cover.
+/// Returns the pixels that labels shall not cover.
 fn taken(overlay: &Overlay, layout: &Layout) -> Vec<Rectangle> {
     match overlay {
         Overlay::Outline { polygon, .. } => {
@@ -159,7 +159,7 @@ fn taken(overlay: &Overlay, layout: &Layout) -> Vec<Rectangle> {
     }
 }
 
-/// Gives small squares along an edge, at most a few pixels apart on edges no longer than the plot.
+/// Returns small squares along an edge, at most a few pixels apart on edges no longer than the plot.
 fn along(edge: Segment, layout: &Layout) -> impl Iterator<Item = Rectangle> {
     let pieces = (layout.length_px(edge.length_m()) / 6.0).clamp(1.0, 150.0) as i32;
     (0..=pieces)

@@ -24,7 +24,7 @@ pub const COLOURS: [[u8; 3]; 10] = [
 ];
 
 impl Picture {
-    /// Gives a picture as PNG bytes; `rgb` are its pixels row by row from the top, left to right.
+    /// Returns a picture as PNG bytes; `rgb` are its pixels row by row from the top, left to right.
     ///
     /// # Errors
     /// [`DrawError::ValueCount`].

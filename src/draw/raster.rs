@@ -41,7 +41,7 @@ impl Picture {
         }
     }
 
-    /// Gives the colour of a pixel; `None` outside the picture.
+    /// Returns the colour of a pixel; `None` outside the picture.
     pub(super) fn colour_at(&self, at: Point) -> Option<Rgb888> {
         self.start_of(at).map(|start| Rgb888::new(self.rgb[start], self.rgb[start + 1], self.rgb[start + 2]))
     }

@@ -183,7 +183,7 @@ impl Sheet {
     }
 }
 
-/// Gives the indices of 0..count between two bounds; none when the bounds are not finite.
+/// Returns the indices of 0..count between two bounds; none when the bounds are not finite.
 fn indices(low: f64, high: f64, count: usize) -> std::ops::Range<usize> {
     // Casts of floats saturate, and turn what is no number into 0.
     let first = libm::floor(low).max(0.0) as usize;
@@ -209,7 +209,7 @@ mod tests {
 
     const PEN: Pen = Pen { width_px: 2.0, colour: Rgb888::BLACK, opacity: 1.0, dash_px: None };
 
-    /// Draws on 40 x 30 white pixels, of which only 5..35 x 5..25 may be touched; gives the darkness of each pixel.
+    /// Draws on 40 x 30 white pixels, of which only 5..35 x 5..25 may be touched; returns the darkness of each pixel.
     fn darkness(places: &[At], pen: Pen) -> Vec<u8> {
         let mut picture = Picture::new(Size::new(40, 30), Rgb888::WHITE);
         Sheet::new(Rectangle::new(Point::new(5, 5), Size::new(30, 20))).path(&mut picture, places, pen);

@@ -18,12 +18,12 @@ pub(super) const SMALL: &MonoFont = &FONT_7X14;
 /// For the title.
 pub(super) const LARGE: &MonoFont = &FONT_10X20;
 
-/// Gives the width of a text, pixels.
+/// Returns the width of a text, pixels.
 pub(super) fn width_px(text: &str, font: &MonoFont) -> u32 {
     text.chars().count() as u32 * (font.character_size.width + font.character_spacing)
 }
 
-/// Gives a text on one line, cut to `most` characters with an ellipsis.
+/// Returns a text on one line, cut to `most` characters with an ellipsis.
 pub(super) fn short(text: &str, most: usize) -> String {
     let line = |c: char| if c.is_control() { ' ' } else { c };
     let cut = text.chars().nth(most).is_some();

@@ -9,7 +9,7 @@ pub(super) struct Tick {
     pub(super) label: String,
 }
 
-/// Gives the smallest step of 1, 2 or 5 times a power of ten that cuts `span` into at most `most` pieces.
+/// Returns the smallest step of 1, 2 or 5 times a power of ten that cuts `span` into at most `most` pieces.
 /// `None` when there is no such number (span not positive, not finite, or too small for f64).
 pub(super) fn step(span: f64, most: usize) -> Option<f64> {
     let rough = span / most.max(1) as f64;
@@ -22,7 +22,7 @@ pub(super) fn step(span: f64, most: usize) -> Option<f64> {
     Some(factor * power).filter(|step| step.is_normal())
 }
 
-/// Gives the ticks between `low` and `high`, both ends included, at most `most` + 1 of them.
+/// Returns the ticks between `low` and `high`, both ends included, at most `most` + 1 of them.
 pub(super) fn ticks(low: f64, high: f64, most: usize) -> Vec<Tick> {
     let Some(step) = step(high - low, most) else {
         return Vec::new();

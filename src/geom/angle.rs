@@ -36,40 +36,40 @@ impl Angle {
         Angle::from_radians(degrees.to_radians())
     }
 
-    /// Gives the radians in (−π, π].
+    /// Returns the radians in (−π, π].
     pub fn radians(self) -> f64 {
         self.0
     }
 
-    /// Gives the degrees in (−180, 180].
+    /// Returns the degrees in (−180, 180].
     pub fn degrees(self) -> f64 {
         self.0.to_degrees()
     }
 
-    /// Gives the degrees in [0, 360).
+    /// Returns the degrees in [0, 360).
     pub fn positive_degrees(self) -> f64 {
         let degrees = self.degrees();
         if degrees < 0.0 { (degrees + 360.0) % 360.0 } else { degrees }
     }
 
-    /// Gives the periodic difference this − other in [−π, π) radians: at exactly half a turn it is negative, where
+    /// Returns the periodic difference this − other in [−π, π) radians: at exactly half a turn it is negative, where
     /// the shortest turn (`-`) is positive.
     pub fn difference_rad(self, other: Angle) -> f64 {
         let turn_rad = (self - other).radians();
         if turn_rad >= PI { -PI } else { turn_rad }
     }
 
-    /// Tells whether the two directions differ by at most a tolerance, radians.
+    /// Returns whether the two directions differ by at most a tolerance, radians.
     pub fn is_near(self, other: Angle, tolerance_rad: f64) -> bool {
         self.difference_rad(other).abs() <= tolerance_rad
     }
 
-    /// Gives the quicker way to turn from this direction to another; counter-clockwise when both are equally quick.
+    /// Returns the quicker way to turn from this direction to another; counter-clockwise when both are equally quick.
     pub fn turn_to(self, other: Angle) -> Turn {
         if self.difference_rad(other) > 0.0 { Turn::Clockwise } else { Turn::CounterClockwise }
     }
 
-    /// Gives the compass bearing of this direction where the x axis points east.
+    /// Returns the compass bearing of this direction where the x axis points east.
     pub fn bearing(self) -> Bearing {
         Bearing::from_radians(FRAC_PI_2 - self.0)
     }
@@ -113,17 +113,17 @@ impl Bearing {
         Bearing::from_radians(degrees.to_radians())
     }
 
-    /// Gives the radians in [0, 2π).
+    /// Returns the radians in [0, 2π).
     pub fn radians(self) -> f64 {
         self.0
     }
 
-    /// Gives the degrees in [0, 360).
+    /// Returns the degrees in [0, 360).
     pub fn degrees(self) -> f64 {
         self.0.to_degrees()
     }
 
-    /// Gives the direction where the x axis points east.
+    /// Returns the direction where the x axis points east.
     pub fn angle(self) -> Angle {
         Angle::from_radians(FRAC_PI_2 - self.0)
     }

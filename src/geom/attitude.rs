@@ -17,7 +17,7 @@ pub struct Attitude {
 }
 
 impl Attitude {
-    /// Gives the attitude of a vehicle that stands level.
+    /// Returns the attitude of a vehicle that stands level.
     pub fn level(yaw: Angle) -> Attitude {
         Attitude { yaw, ..Attitude::default() }
     }
@@ -33,7 +33,7 @@ impl Attitude {
         [x * cos - y * sin, x * sin + y * cos, z]
     }
 
-    /// Gives the unit vector, local frame, of a beam that is mounted at an angle (counter-clockwise from ahead) and
+    /// Returns the unit vector, local frame, of a beam that is mounted at an angle (counter-clockwise from ahead) and
     /// looks up by an elevation.
     pub fn beam(self, mount: Angle, elevation: Angle) -> [f64; 3] {
         let (sin, cos) = libm::sincos(mount.radians());

@@ -16,32 +16,32 @@ pub struct PixelGrid {
 }
 
 impl PixelGrid {
-    /// Gives the number of pixels.
+    /// Returns the number of pixels.
     pub fn len(&self) -> usize {
         self.columns * self.rows
     }
 
-    /// Tells whether there are no pixels.
+    /// Returns whether there are no pixels.
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }
 
-    /// Gives a pixel's width, metres.
+    /// Returns a pixel's width, metres.
     pub fn dx_m(&self) -> f64 {
         self.area.width_m() / self.columns as f64
     }
 
-    /// Gives a pixel's height, metres.
+    /// Returns a pixel's height, metres.
     pub fn dy_m(&self) -> f64 {
         self.area.height_m() / self.rows as f64
     }
 
-    /// Gives the index of the pixel in a column and a row.
+    /// Returns the index of the pixel in a column and a row.
     pub fn index(&self, column: usize, row: usize) -> usize {
         row * self.columns + column
     }
 
-    /// Gives the middle of the pixel with an index.
+    /// Returns the middle of the pixel with an index.
     pub fn centre(&self, index: usize) -> Point {
         let (column, row) = (index % self.columns, index / self.columns);
         Point::new(

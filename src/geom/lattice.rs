@@ -33,12 +33,12 @@ impl Lattice {
         Lattice { cell_m }
     }
 
-    /// Gives the side of a cell, metres.
+    /// Returns the side of a cell, metres.
     pub fn cell_m(self) -> f64 {
         self.cell_m
     }
 
-    /// Gives the cell that holds a point (floor, so cells left of the datum are negative). What is too far away, or no
+    /// Returns the cell that holds a point (floor, so cells left of the datum are negative). What is too far away, or no
     /// number, is in a cell at the very edge, far outside any map.
     pub fn cell_at(self, point: Point) -> Cell {
         let index = |metres: f64| {
@@ -48,18 +48,18 @@ impl Lattice {
         Cell::new(index(point.x_m), index(point.y_m))
     }
 
-    /// Gives the middle of a cell.
+    /// Returns the middle of a cell.
     pub fn centre(self, cell: Cell) -> Point {
         let middle = |index: i32| (f64::from(index) + 0.5) * self.cell_m;
         Point::new(middle(cell.x), middle(cell.y))
     }
 
-    /// Gives the lower (south-west) corner of a cell.
+    /// Returns the lower (south-west) corner of a cell.
     pub fn corner(self, cell: Cell) -> Point {
         Point::new(f64::from(cell.x) * self.cell_m, f64::from(cell.y) * self.cell_m)
     }
 
-    /// Gives all cells whose middle lies within `radius_m` of a segment, row by row.
+    /// Returns all cells whose middle lies within `radius_m` of a segment, row by row.
     pub fn cells_within(self, along: Segment, radius_m: f64) -> impl Iterator<Item = Cell> {
         let Segment { from, to } = along;
         let low = self.cell_at(Point::new(from.x_m.min(to.x_m) - radius_m, from.y_m.min(to.y_m) - radius_m));
@@ -69,7 +69,7 @@ impl Lattice {
             .filter(move |cell| along.distance_to_point(self.centre(*cell)) <= radius_m)
     }
 
-    /// Gives the cells that a segment passes through, in order, each once (Amanatides and Woo 1987); none when an end is
+    /// Returns the cells that a segment passes through, in order, each once (Amanatides and Woo 1987); none when an end is
     /// not finite.
     pub fn cells_under(self, along: Segment) -> CellsUnder {
         CellsUnder::new(self, along)

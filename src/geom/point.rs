@@ -22,22 +22,22 @@ impl Point {
         Point { x_m, y_m }
     }
 
-    /// Gives the distance to another point, metres.
+    /// Returns the distance to another point, metres.
     pub fn distance_to(self, other: Point) -> f64 {
         (other - self).length_m()
     }
 
-    /// Gives the point a share of the way to `other` (0 = here, 1 = there).
+    /// Returns the point a share of the way to `other` (0 = here, 1 = there).
     pub fn toward(self, other: Point, share: f64) -> Point {
         self + (other - self) * share
     }
 
-    /// Gives the direction from here to `other`; angle zero when they coincide.
+    /// Returns the direction from here to `other`; angle zero when they coincide.
     pub fn angle_to(self, other: Point) -> Angle {
         (other - self).angle()
     }
 
-    /// Tells whether both coordinates are finite.
+    /// Returns whether both coordinates are finite.
     pub fn is_finite(self) -> bool {
         self.x_m.is_finite() && self.y_m.is_finite()
     }
@@ -64,32 +64,32 @@ impl Vector {
         Vector::new(cos * length_m, sin * length_m)
     }
 
-    /// Gives the length, metres.
+    /// Returns the length, metres.
     pub fn length_m(self) -> f64 {
         self.dot(self).sqrt()
     }
 
-    /// Gives the distance along the axes (grid distance), metres.
+    /// Returns the distance along the axes (grid distance), metres.
     pub fn grid_length_m(self) -> f64 {
         self.x_m.abs() + self.y_m.abs()
     }
 
-    /// Gives the direction; zero for the null vector.
+    /// Returns the direction; zero for the null vector.
     pub fn angle(self) -> Angle {
         Angle::from_radians(libm::atan2(self.y_m, self.x_m))
     }
 
-    /// Gives the scalar product, m².
+    /// Returns the scalar product, m².
     pub fn dot(self, other: Vector) -> f64 {
         self.x_m * other.x_m + self.y_m * other.y_m
     }
 
-    /// Gives the z component of the cross product, m²; positive when `other` lies to the left.
+    /// Returns the z component of the cross product, m²; positive when `other` lies to the left.
     pub fn cross(self, other: Vector) -> f64 {
         self.x_m * other.y_m - self.y_m * other.x_m
     }
 
-    /// Gives this vector turned a quarter to the left.
+    /// Returns this vector turned a quarter to the left.
     pub fn left(self) -> Vector {
         Vector::new(-self.y_m, self.x_m)
     }

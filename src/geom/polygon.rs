@@ -16,24 +16,24 @@ impl Polygon {
         Polygon { corners }
     }
 
-    /// Gives the corners.
+    /// Returns the corners.
     pub fn corners(&self) -> &[Point] {
         &self.corners
     }
 
-    /// Gives the edges, in order.
+    /// Returns the edges, in order.
     pub fn edges(&self) -> impl Iterator<Item = Segment> + '_ {
         let next = self.corners.iter().cycle().skip(1);
         self.corners.iter().zip(next).map(|(a, b)| Segment::new(*a, *b))
     }
 
-    /// Gives the signed area, m²; positive when the corners run counter-clockwise.
+    /// Returns the signed area, m²; positive when the corners run counter-clockwise.
     pub fn area_m2(&self) -> f64 {
         let origin = Point::default();
         self.edges().map(|edge| (edge.from - origin).cross(edge.to - origin)).sum::<f64>() / 2.0
     }
 
-    /// Tells whether all corners turn the same way and enclose something.
+    /// Returns whether all corners turn the same way and enclose something.
     pub fn is_convex(&self) -> bool {
         let edges: Vec<Segment> = self.edges().collect();
         let next = edges.iter().cycle().skip(1);
@@ -42,32 +42,32 @@ impl Polygon {
         self.area_m2() != 0.0 && !bends_back
     }
 
-    /// Tells whether a point lies inside (even-odd rule, so that an inner ring may follow the outer one).
+    /// Returns whether a point lies inside (even-odd rule, so that an inner ring may follow the outer one).
     pub fn contains(&self, point: Point) -> bool {
         self.edges().filter(|edge| edge.is_met_along_x(point)).count() % 2 == 1
     }
 
-    /// Gives how far a ray goes until it meets an edge, metres; `None` when it meets none.
+    /// Returns how far a ray goes until it meets an edge, metres; `None` when it meets none.
     pub fn met_after_m(&self, from: Point, toward: Angle) -> Option<f64> {
         self.edges().filter_map(|edge| edge.met_after_m(from, toward)).min_by(f64::total_cmp)
     }
 
-    /// Tells whether a segment touches an edge or lies wholly inside.
+    /// Returns whether a segment touches an edge or lies wholly inside.
     pub fn meets(&self, along: Segment) -> bool {
         self.contains(along.from) || self.edges().any(|edge| edge.distance_to(along) <= 0.0)
     }
 
-    /// Gives the distance from a point to the nearest edge, metres; infinite without corners.
+    /// Returns the distance from a point to the nearest edge, metres; infinite without corners.
     pub fn distance_to_edge(&self, point: Point) -> f64 {
         self.edges().map(|edge| edge.distance_to_point(point)).fold(f64::INFINITY, f64::min)
     }
 
-    /// Tells whether a disc around a point lies wholly inside.
+    /// Returns whether a disc around a point lies wholly inside.
     pub fn contains_disc(&self, centre: Point, radius_m: f64) -> bool {
         self.contains(centre) && self.distance_to_edge(centre) >= radius_m
     }
 
-    /// Tells whether a disc moved along a segment stays wholly inside.
+    /// Returns whether a disc moved along a segment stays wholly inside.
     pub fn contains_corridor(&self, along: Segment, radius_m: f64) -> bool {
         self.contains(along.from)
             && self.contains(along.to)

@@ -22,28 +22,28 @@ impl Rect {
         }
     }
 
-    /// Gives the width (along x), metres.
+    /// Returns the width (along x), metres.
     pub fn width_m(self) -> f64 {
         self.max.x_m - self.min.x_m
     }
 
-    /// Gives the height (along y), metres.
+    /// Returns the height (along y), metres.
     pub fn height_m(self) -> f64 {
         self.max.y_m - self.min.y_m
     }
 
-    /// Gives the middle.
+    /// Returns the middle.
     pub fn centre(self) -> Point {
         self.min.toward(self.max, 0.5)
     }
 
-    /// Tells whether a point lies inside or on the border.
+    /// Returns whether a point lies inside or on the border.
     pub fn contains(self, point: Point) -> bool {
         (self.min.x_m..=self.max.x_m).contains(&point.x_m)
             && (self.min.y_m..=self.max.y_m).contains(&point.y_m)
     }
 
-    /// Gives the rectangle moved inward by `by_m` on every side (outward when negative).
+    /// Returns the rectangle moved inward by `by_m` on every side (outward when negative).
     pub fn shrunk(self, by_m: f64) -> Rect {
         Rect {
             min: Point::new(self.min.x_m + by_m, self.min.y_m + by_m),
@@ -51,7 +51,7 @@ impl Rect {
         }
     }
 
-    /// Gives the shares of a segment at which the endless line through it enters and leaves the rectangle (Liang and
+    /// Returns the shares of a segment at which the endless line through it enters and leaves the rectangle (Liang and
     /// Barsky 1984); `None` when it passes by, or touches a corner only.
     pub fn line_shares(self, line: Segment) -> Option<(f64, f64)> {
         let vector = line.vector();
@@ -74,13 +74,13 @@ impl Rect {
         (enter < leave).then_some((enter, leave))
     }
 
-    /// Gives the four corners, counter-clockwise from the south-west.
+    /// Returns the four corners, counter-clockwise from the south-west.
     pub fn corners(self) -> [Point; 4] {
         let Rect { min, max } = self;
         [min, Point::new(max.x_m, min.y_m), max, Point::new(min.x_m, max.y_m)]
     }
 
-    /// Gives the rectangle as a polygon.
+    /// Returns the rectangle as a polygon.
     pub fn polygon(self) -> Polygon {
         Polygon::new(self.corners().to_vec())
     }

@@ -17,17 +17,17 @@ impl Segment {
         Segment { from, to }
     }
 
-    /// Gives the displacement from start to end.
+    /// Returns the displacement from start to end.
     pub fn vector(self) -> Vector {
         self.to - self.from
     }
 
-    /// Gives the length, metres.
+    /// Returns the length, metres.
     pub fn length_m(self) -> f64 {
         self.vector().length_m()
     }
 
-    /// Gives the share of the way (0 to 1) at which the segment comes nearest to a point.
+    /// Returns the share of the way (0 to 1) at which the segment comes nearest to a point.
     pub fn nearest_share(self, point: Point) -> f64 {
         let along = self.vector();
         let square = along.dot(along);
@@ -37,12 +37,12 @@ impl Segment {
         ((point - self.from).dot(along) / square).clamp(0.0, 1.0)
     }
 
-    /// Gives the distance to a point, metres.
+    /// Returns the distance to a point, metres.
     pub fn distance_to_point(self, point: Point) -> f64 {
         self.from.toward(self.to, self.nearest_share(point)).distance_to(point)
     }
 
-    /// Gives the smallest distance between two segments, metres; 0 when they touch.
+    /// Returns the smallest distance between two segments, metres; 0 when they touch.
     pub fn distance_to(self, other: Segment) -> f64 {
         if self.crosses(other) {
             return 0.0;
@@ -53,12 +53,12 @@ impl Segment {
             .min(other.distance_to_point(self.to))
     }
 
-    /// Gives how much longer the way over a point is than the segment itself, metres (the excess path of a link).
+    /// Returns how much longer the way over a point is than the segment itself, metres (the excess path of a link).
     pub fn excess_path_m(self, over: Point) -> f64 {
         (self.from.distance_to(over) + over.distance_to(self.to) - self.length_m()).max(0.0)
     }
 
-    /// Tells whether a ray from a point along x meets the segment, for counting crossings: the upper of its ends (by
+    /// Returns whether a ray from a point along x meets the segment, for counting crossings: the upper of its ends (by
     /// y) does not belong to it, so that a ray through a corner is counted once or twice as it passes or touches. A
     /// point on the segment meets it.
     pub fn is_met_along_x(self, from: Point) -> bool {
@@ -69,7 +69,7 @@ impl Segment {
         from.x_m <= self.from.x_m + share * (self.to.x_m - self.from.x_m)
     }
 
-    /// Gives how far a ray goes until it meets the segment, ends included, metres; `None` when it does not, and when
+    /// Returns how far a ray goes until it meets the segment, ends included, metres; `None` when it does not, and when
     /// it runs along it (a wall seen edge-on is not seen).
     pub fn met_after_m(self, from: Point, toward: Angle) -> Option<f64> {
         let (ray, along, offset) = (Vector::polar(toward, 1.0), self.vector(), self.from - from);
@@ -85,7 +85,7 @@ impl Segment {
         is_met.then_some(distance_m.max(0.0))
     }
 
-    /// Tells whether the two segments cross in one inner point of both.
+    /// Returns whether the two segments cross in one inner point of both.
     pub fn crosses(self, other: Segment) -> bool {
         let (a, b) = (self.vector(), other.vector());
         let from_here = a.cross(other.from - self.from) * a.cross(other.to - self.from);

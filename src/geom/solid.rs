@@ -25,7 +25,7 @@ impl Ray {
         Ray::new(from_m, sub(through_m, from_m))
     }
 
-    /// Gives the point so far along the ray.
+    /// Returns the point so far along the ray.
     pub fn at(self, distance_m: f64) -> [f64; 3] {
         [0, 1, 2].map(|axis| self.from_m[axis] + distance_m * self.direction[axis])
     }
@@ -51,7 +51,7 @@ impl Face {
         (corners_m.len() >= 3 && area > 0.0 && area.is_finite()).then_some(Face { corners_m, normal })
     }
 
-    /// Gives how far a ray goes until it meets the face, from either side, metres; `None` when it passes by, or runs
+    /// Returns how far a ray goes until it meets the face, from either side, metres; `None` when it passes by, or runs
     /// within its plane.
     pub fn met_after_m(&self, ray: Ray) -> Option<f64> {
         let slope = dot(self.normal, ray.direction);
@@ -62,7 +62,7 @@ impl Face {
         (distance_m >= 0.0 && self.holds(ray.at(distance_m))).then_some(distance_m)
     }
 
-    /// Tells whether a point of its plane lies inside, seen along the normal's largest part.
+    /// Returns whether a point of its plane lies inside, seen along the normal's largest part.
     fn holds(&self, at: [f64; 3]) -> bool {
         let [x, y, z] = self.normal.map(f64::abs);
         let flat = |point: &[f64; 3]| match (x > y && x > z, y > z) {
@@ -84,7 +84,7 @@ pub struct Prism {
 }
 
 impl Prism {
-    /// Gives how far a ray goes until it meets a wall, the top or the bottom, from outside or inside, metres.
+    /// Returns how far a ray goes until it meets a wall, the top or the bottom, from outside or inside, metres.
     pub fn met_after_m(&self, ray: Ray) -> Option<f64> {
         let [low_m, high_m] = self.heights_m;
         let flat = Vector::new(ray.direction[0], ray.direction[1]);
@@ -116,7 +116,7 @@ pub struct Cylinder {
 }
 
 impl Cylinder {
-    /// Gives how far a ray goes until it meets the mantle, the top or the bottom, from outside or inside, metres.
+    /// Returns how far a ray goes until it meets the mantle, the top or the bottom, from outside or inside, metres.
     pub fn met_after_m(&self, ray: Ray) -> Option<f64> {
         let [low_m, high_m] = self.heights_m;
         let flat = Vector::new(ray.direction[0], ray.direction[1]);
@@ -136,7 +136,7 @@ impl Cylinder {
     }
 }
 
-/// Gives places between two points, evenly spaced: the start is not among them, the end is the last.
+/// Returns places between two points, evenly spaced: the start is not among them, the end is the last.
 pub fn evenly_spaced(from_m: [f64; 3], to_m: [f64; 3], count: usize) -> impl Iterator<Item = [f64; 3]> {
     (1..=count).map(move |place| {
         let share = place as f64 / count as f64;

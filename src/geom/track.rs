@@ -14,38 +14,38 @@ impl Track {
         (!points.is_empty()).then_some(Track { points })
     }
 
-    /// Gives the points.
+    /// Returns the points.
     pub fn points(&self) -> &[Point] {
         &self.points
     }
 
-    /// Gives the straight pieces, in order; none for a single point.
+    /// Returns the straight pieces, in order; none for a single point.
     pub fn segments(&self) -> impl Iterator<Item = Segment> + '_ {
         self.points.windows(2).map(|pair| Segment::new(pair[0], pair[1]))
     }
 
-    /// Gives the length, metres.
+    /// Returns the length, metres.
     pub fn length_m(&self) -> f64 {
         self.segments().map(Segment::length_m).sum()
     }
 
-    /// Gives the first point.
+    /// Returns the first point.
     pub fn start(&self) -> Point {
         self.points[0]
     }
 
-    /// Gives the last point.
+    /// Returns the last point.
     pub fn end(&self) -> Point {
         self.points[self.points.len() - 1]
     }
 
-    /// Gives the distance from a point to the nearest part of the track, metres.
+    /// Returns the distance from a point to the nearest part of the track, metres.
     pub fn distance_to_point(&self, point: Point) -> f64 {
         let start = self.start().distance_to(point);
         self.segments().map(|segment| segment.distance_to_point(point)).fold(start, f64::min)
     }
 
-    /// Gives the smallest distance between two tracks, metres.
+    /// Returns the smallest distance between two tracks, metres.
     pub fn distance_to(&self, other: &Track) -> f64 {
         let ends = self.distance_to_point(other.start()).min(other.distance_to_point(self.start()));
         self.segments().flat_map(|a| other.segments().map(move |b| a.distance_to(b))).fold(ends, f64::min)

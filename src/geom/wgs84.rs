@@ -27,7 +27,7 @@ pub struct Geodetic {
 }
 
 impl Geodetic {
-    /// Gives earth-centred, earth-fixed coordinates, metres.
+    /// Returns earth-centred, earth-fixed coordinates, metres.
     pub fn ecef_m(self) -> [f64; 3] {
         let (latitude, longitude) = (self.latitude_deg.to_radians(), self.longitude_deg.to_radians());
         let sin = libm::sin(latitude);
@@ -40,7 +40,7 @@ impl Geodetic {
         ]
     }
 
-    /// Gives the place of earth-centred, earth-fixed coordinates, metres; exact to a micrometre near the ground. Not
+    /// Returns the place of earth-centred, earth-fixed coordinates, metres; exact to a micrometre near the ground. Not
     /// for places within kilometres of the earth's middle.
     pub fn from_ecef_m([x_m, y_m, z_m]: [f64; 3]) -> Geodetic {
         let from_axis_m = libm::hypot(x_m, y_m);
@@ -89,13 +89,13 @@ impl TangentPlane {
         TangentPlane { origin_m: datum.ecef_m(), axes: [mixed(sin, cos), mixed(-cos, sin), up] }
     }
 
-    /// Gives the place on the earth of a local point, metres.
+    /// Returns the place on the earth of a local point, metres.
     pub fn to_earth(&self, local_m: [f64; 3]) -> Geodetic {
         let along = |axis: usize| (0..3).map(|of| local_m[of] * self.axes[of][axis]).sum::<f64>();
         Geodetic::from_ecef_m([0, 1, 2].map(|axis| self.origin_m[axis] + along(axis)))
     }
 
-    /// Gives the local point, metres, of a place on the earth.
+    /// Returns the local point, metres, of a place on the earth.
     pub fn to_local_m(&self, place: Geodetic) -> [f64; 3] {
         let ecef_m = place.ecef_m();
         let along = |of: usize| {

@@ -62,7 +62,7 @@ pub fn simulated_ground(sim: &Sim, ring: Ring, lease: Lease, store: u64) -> Resu
     told.parts(ring)
 }
 
-/// Gives what the ground station of a node's file is made of; its answers are there as soon as they are found. `boot`
+/// Returns what the ground station of a node's file is made of; its answers are there as soon as they are found. `boot`
 /// counts its starts, `holder` is drawn at random for its lease, `store` names its store of samples.
 ///
 /// # Errors
@@ -140,7 +140,7 @@ impl Told<'_> {
     }
 }
 
-/// Gives the planner of a sweep.
+/// Returns the planner of a sweep.
 pub fn method(sweep: &Sweep) -> Method {
     let laps = sweep.laps;
     match sweep.planner {
@@ -159,7 +159,7 @@ fn pattern(sweep: &Sweep, kind: PatternKind) -> Method {
     Method::Pattern { kind, dwell: sweep.dwell(), dwell_limit: sweep.dwell_limit() }
 }
 
-/// Gives how an image is made of a subject: the defaults for the area, and what the file says.
+/// Returns how an image is made of a subject: the defaults for the area, and what the file says.
 /// `sensitivity_dbm` is the weakest packet that a receiver hears.
 pub fn image_settings(
     imaging: &Imaging,

@@ -30,7 +30,7 @@ impl GroundNode {
         self.node.go_on_from(&mut before);
     }
 
-    /// Gives the station, for the outcome of a run.
+    /// Returns the station, for the outcome of a run.
     pub fn station(&self) -> &Station {
         self.node.actors().station.place.actor()
     }

@@ -36,12 +36,12 @@ struct Received {
 }
 
 impl Received {
-    /// Tells whether a sequence is not stored yet.
+    /// Returns whether a sequence is not stored yet.
     fn is_new(&self, sequence: u64) -> bool {
         sequence >= self.below && !self.beyond.contains(&sequence)
     }
 
-    /// Records a sequence; gives whether there was room for it.
+    /// Records a sequence; returns whether there was room for it.
     fn take(&mut self, sequence: u64) -> bool {
         let is_room = sequence == self.below || self.beyond.len() < BEYOND_MAX;
         if !is_room || sequence == u64::MAX {
@@ -82,7 +82,7 @@ impl SampleStore {
         }
     }
 
-    /// Stores a batch; gives how many samples of it were new.
+    /// Stores a batch; returns how many samples of it were new.
     pub fn take(&mut self, batch: &Samples) -> usize {
         let source = (batch.vehicle, batch.boot, batch.run);
         let is_known = self.received.contains_key(&source);
@@ -129,27 +129,27 @@ impl SampleStore {
         Have { store: self.store, watermarks: sources.iter().map(mark).collect(), closed }
     }
 
-    /// Gives how many samples were not stored since there was no room.
+    /// Returns how many samples were not stored since there was no room.
     pub fn refused(&self) -> u64 {
         self.refused
     }
 
-    /// Gives the id of the store.
+    /// Returns the id of the store.
     pub fn store(&self) -> u64 {
         self.store
     }
 
-    /// Gives how many samples of a run are stored.
+    /// Returns how many samples of a run are stored.
     pub fn count(&self, run: RunId) -> u64 {
         self.count.get(&run).copied().unwrap_or_default()
     }
 
-    /// Tells whether samples of a run are known to be missing.
+    /// Returns whether samples of a run are known to be missing.
     pub fn has_gaps(&self, run: RunId) -> bool {
         self.received.iter().any(|((_, _, of), received)| *of == run && !received.beyond.is_empty())
     }
 
-    /// Gives the links of a run, in a fixed order.
+    /// Returns the links of a run, in a fixed order.
     pub fn links(&self, run: RunId) -> Vec<Link> {
         self.bins.get(&run).map(LinkBins::links).unwrap_or_default()
     }

@@ -91,7 +91,7 @@ mod tests {
         Time::from_nanos(time_ms * 1_000_000)
     }
 
-    /// Gives what lines come of chunks, one every millisecond.
+    /// Returns what lines come of chunks, one every millisecond.
     fn lines(lines: &mut Lines, chunks: &[&[u8]]) -> Vec<(Time, String)> {
         let mut found = Vec::new();
         for (time_ms, chunk) in (0..).zip(chunks) {

@@ -86,7 +86,7 @@ pub struct Changes {
 }
 
 impl Changes {
-    /// Tells whether nothing changed.
+    /// Returns whether nothing changed.
     pub fn is_empty(&self) -> bool {
         self.changed.is_empty()
     }
@@ -247,7 +247,7 @@ impl Mapper {
 }
 
 impl Body {
-    /// Gives the body, or one of no size when it is impossibly large or far from the sensor.
+    /// Returns the body, or one of no size when it is impossibly large or far from the sensor.
     fn within_reach(self, cone: &Cone) -> Body {
         let reach_m = REACH_CELLS * cone.lattice.cell_m();
         let near = self.at.distance_to(cone.origin) <= reach_m && (0.0..=reach_m).contains(&self.radius_m);
@@ -347,7 +347,7 @@ impl Cone {
         })
     }
 
-    /// Gives cells around all that can be judged: the cone lies within the hull of its tip, its edges and the
+    /// Returns cells around all that can be judged: the cone lies within the hull of its tip, its edges and the
     /// tangents at half of its half-width.
     fn area(&self, body: Body) -> CellRect {
         let (ahead, aside) = (self.axis * self.reach_m, self.axis.left() * self.reach_m);

@@ -18,27 +18,27 @@ pub struct Layer {
 }
 
 impl Layer {
-    /// Gives a tile.
+    /// Returns a tile.
     pub fn tile(&self, address: TileAddress) -> Option<&Tile> {
         self.tiles.get(&address)
     }
 
-    /// Gives all tiles, ascending by address.
+    /// Returns all tiles, ascending by address.
     pub fn tiles(&self) -> impl Iterator<Item = (TileAddress, &Tile)> {
         self.tiles.iter().map(|(address, tile)| (*address, tile))
     }
 
-    /// Gives the number of tiles.
+    /// Returns the number of tiles.
     pub fn len(&self) -> usize {
         self.tiles.len()
     }
 
-    /// Tells whether there is no tile.
+    /// Returns whether there is no tile.
     pub fn is_empty(&self) -> bool {
         self.tiles.is_empty()
     }
 
-    /// Gives what this layer holds in a few bytes: equal digests mean equal tiles and revisions.
+    /// Returns what this layer holds in a few bytes: equal digests mean equal tiles and revisions.
     pub fn digest(&self, layer: LayerId) -> LayerDigest {
         let tiles = u32::try_from(self.tiles.len()).unwrap_or(u32::MAX);
         LayerDigest { layer, tiles, revisions: self.revisions, hash: self.hash }

@@ -82,27 +82,27 @@ impl Merged {
         Merged { lattice, own, layers: BTreeMap::new(), tiles: 0, sums: BTreeMap::new() }
     }
 
-    /// Gives the lattice of the cells.
+    /// Returns the lattice of the cells.
     pub fn lattice(&self) -> Lattice {
         self.lattice
     }
 
-    /// Gives the layer that this node writes.
+    /// Returns the layer that this node writes.
     pub fn own(&self) -> Option<LayerId> {
         self.own
     }
 
-    /// Gives a layer.
+    /// Returns a layer.
     pub fn layer(&self, id: LayerId) -> Option<&Layer> {
         self.layers.get(&id)
     }
 
-    /// Gives all layers, ascending by id.
+    /// Returns all layers, ascending by id.
     pub fn layers(&self) -> impl Iterator<Item = (LayerId, &Layer)> {
         self.layers.iter().map(|(id, layer)| (*id, layer))
     }
 
-    /// Gives a tile as it travels.
+    /// Returns a tile as it travels.
     pub fn report(&self, layer: LayerId, address: TileAddress) -> Option<TileReport> {
         self.layers.get(&layer)?.tile(address).map(|tile| tile.report(layer, address))
     }
@@ -149,7 +149,7 @@ impl Merged {
         true
     }
 
-    /// Puts a tile in place of what was there; tells whether a merged cell became occupied.
+    /// Puts a tile in place of what was there; returns whether a merged cell became occupied.
     pub(super) fn put(&mut self, layer: LayerId, address: TileAddress, tile: Tile) -> bool {
         let old = self.layers.get(&layer).and_then(|layer| layer.tile(address)).cloned();
         self.tiles += usize::from(old.is_none());
@@ -169,7 +169,7 @@ impl Merged {
         newly_occupied
     }
 
-    /// Writes cells (index in tile, old value, new value) of a layer; tells whether one became occupied.
+    /// Writes cells (index in tile, old value, new value) of a layer; returns whether one became occupied.
     /// Does nothing when the map is full.
     pub(super) fn write(&mut self, layer: LayerId, address: TileAddress, cells: &[(usize, i8, i8)]) -> bool {
         let known = self.layers.get(&layer).is_some_and(|layer| layer.tile(address).is_some());
@@ -189,23 +189,23 @@ impl Merged {
         newly_occupied
     }
 
-    /// Gives the sums of a tile over all layers.
+    /// Returns the sums of a tile over all layers.
     pub(super) fn sums(&self, address: TileAddress) -> Option<&Sums> {
         self.sums.get(&address).map(|sums| &**sums)
     }
 
-    /// Gives the merged value of a cell, 0.1 log-odds within ± [`MERGED_CLAMP`]; 0 where nothing is known.
+    /// Returns the merged value of a cell, 0.1 log-odds within ± [`MERGED_CLAMP`]; 0 where nothing is known.
     pub fn value(&self, slice: i16, cell: Cell) -> i16 {
         let sums = address_of(slice, cell).and_then(|address| self.sums(address));
         sums.map_or(0, |sums| sums[index_in_tile(cell)].clamp(-MERGED_CLAMP, MERGED_CLAMP))
     }
 
-    /// Tells what is known of a cell. For many cells take a [`Merged::view`].
+    /// Returns what is known of a cell. For many cells take a [`Merged::view`].
     pub fn occupancy(&self, slice: i16, cell: Cell) -> Occupancy {
         Occupancy::of_value(self.value(slice, cell))
     }
 
-    /// Gives the smallest rectangle of whole tiles that holds all that is known at a slice.
+    /// Returns the smallest rectangle of whole tiles that holds all that is known at a slice.
     pub fn extent(&self, slice: i16) -> Option<CellRect> {
         let low = TileAddress { slice, x: i32::MIN, y: i32::MIN };
         let high = TileAddress { slice, x: i32::MAX, y: i32::MAX };
@@ -226,12 +226,12 @@ impl Merged {
         }
     }
 
-    /// Gives what this node holds of every layer.
+    /// Returns what this node holds of every layer.
     pub fn digest(&self) -> Digest {
         Digest { layers: self.layers.iter().map(|(id, layer)| layer.digest(*id)).collect() }
     }
 
-    /// Tells whether a node with this digest holds something that this one does not. A layer has one writer, and
+    /// Returns whether a node with this digest holds something that this one does not. A layer has one writer, and
     /// what is known of it only grows: so of two nodes that differ the one with fewer revisions asks, or both
     /// where these are equal. Of its own layer a node asks for what others hold beyond it, to disown that.
     pub fn lacks(&self, theirs: &LayerDigest) -> bool {
@@ -246,14 +246,14 @@ impl Merged {
         known < heard || (known == heard && ours.hash != theirs.hash)
     }
 
-    /// Gives what to ask for to complete a layer.
+    /// Returns what to ask for to complete a layer.
     pub fn want(&self, layer: LayerId) -> Want {
         let tiles = self.layers.get(&layer).into_iter().flat_map(Layer::tiles);
         let known = tiles.map(|(address, tile)| (address, tile.revision)).take(WANT_TILES).collect();
         Want { layer, known }
     }
 
-    /// Gives the tiles newer than those known to who asks, ascending.
+    /// Returns the tiles newer than those known to who asks, ascending.
     pub fn newer(&self, want: &Want) -> Vec<TileAddress> {
         let known: BTreeMap<TileAddress, u32> = want.known.iter().copied().collect();
         let held = self.layers.get(&want.layer).into_iter().flat_map(Layer::tiles);
@@ -358,7 +358,7 @@ mod tests {
         }
     }
 
-    /// Exchanges digests, wants and answers (two tiles at a time) until nobody sends a tile; gives the rounds.
+    /// Exchanges digests, wants and answers (two tiles at a time) until nobody sends a tile; returns the rounds.
     fn repair(nodes: &mut [Merged]) -> usize {
         for round in 0..100 {
             let mut sent = 0;

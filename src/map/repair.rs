@@ -136,7 +136,7 @@ impl Repair {
         }
     }
 
-    /// Gives when to wake it.
+    /// Returns when to wake it.
     pub fn deadline(&self) -> Option<Time> {
         let asks = self.lacks.values().map(|lack| lack.ask_at).min();
         let answers = self.debts.values().map(|debt| debt.due_at.max(self.tiles_at)).min();
@@ -193,7 +193,7 @@ impl Repair {
     }
 }
 
-/// Gives the revision that a map holds of a tile.
+/// Returns the revision that a map holds of a tile.
 fn held(map: &Merged, layer: LayerId, address: TileAddress) -> Option<u32> {
     map.layer(layer)?.tile(address).map(|tile| tile.revision)
 }

@@ -92,30 +92,30 @@ impl Tile {
         Ok(Tile { revision: report.revision, cells })
     }
 
-    /// Gives the tile as it travels.
+    /// Returns the tile as it travels.
     pub fn report(&self, layer: LayerId, address: TileAddress) -> TileReport {
         TileReport { layer, address, revision: self.revision, cells: Arc::clone(&self.cells) }
     }
 
-    /// Tells whether this tile replaces `other`: the higher revision, and on a tie (which one writer never
+    /// Returns whether this tile replaces `other`: the higher revision, and on a tie (which one writer never
     /// makes) the larger cells, so that the outcome does not depend on the order of arrival.
     pub fn replaces(&self, other: &Tile) -> bool {
         (self.revision, &self.cells) > (other.revision, &other.cells)
     }
 }
 
-/// Gives the tile that holds a cell; `None` when it lies beyond the map's reach.
+/// Returns the tile that holds a cell; `None` when it lies beyond the map's reach.
 pub fn address_of(slice: i16, cell: Cell) -> Option<TileAddress> {
     let (x, y) = (cell.x >> SIDE_BITS, cell.y >> SIDE_BITS);
     (in_reach(x) && in_reach(y)).then_some(TileAddress { slice, x, y })
 }
 
-/// Gives the place of a cell inside its tile, 0 to 1023.
+/// Returns the place of a cell inside its tile, 0 to 1023.
 pub const fn index_in_tile(cell: Cell) -> usize {
     (((cell.y & SIDE_MASK) as usize) << SIDE_BITS) | (cell.x & SIDE_MASK) as usize
 }
 
-/// Gives the cell with the smallest column and row of a tile within reach.
+/// Returns the cell with the smallest column and row of a tile within reach.
 pub const fn origin_of(address: TileAddress) -> Cell {
     Cell::new(address.x << SIDE_BITS, address.y << SIDE_BITS)
 }

@@ -20,12 +20,12 @@ impl CellRect {
         CellRect { low: Cell::new(a.x.min(b.x), a.y.min(b.y)), high: Cell::new(a.x.max(b.x), a.y.max(b.y)) }
     }
 
-    /// Gives all cells that touch a rectangle of the plane.
+    /// Returns all cells that touch a rectangle of the plane.
     pub fn covering(lattice: Lattice, rect: Rect) -> CellRect {
         CellRect::new(lattice.cell_at(rect.min), lattice.cell_at(rect.max))
     }
 
-    /// Gives all cells that touch the smallest rectangle around points, widened by `margin_m` on every side;
+    /// Returns all cells that touch the smallest rectangle around points, widened by `margin_m` on every side;
     /// `None` without points.
     pub fn around(lattice: Lattice, points: &[Point], margin_m: f64) -> Option<CellRect> {
         let first = *points.first()?;
@@ -36,35 +36,35 @@ impl CellRect {
         Some(CellRect::covering(lattice, bounds.shrunk(-margin_m)))
     }
 
-    /// Tells whether a cell belongs to the rectangle.
+    /// Returns whether a cell belongs to the rectangle.
     pub fn contains(self, cell: Cell) -> bool {
         (self.low.x..=self.high.x).contains(&cell.x) && (self.low.y..=self.high.y).contains(&cell.y)
     }
 
-    /// Gives the cells of a tile.
+    /// Returns the cells of a tile.
     pub fn of_tile(address: TileAddress) -> CellRect {
         let low = origin_of(address);
         let last = TILE_SIDE as i32 - 1;
         CellRect { low, high: Cell::new(low.x.saturating_add(last), low.y.saturating_add(last)) }
     }
 
-    /// Gives all cells, row by row.
+    /// Returns all cells, row by row.
     pub fn cells(self) -> impl Iterator<Item = Cell> {
         let columns = self.low.x..=self.high.x;
         (self.low.y..=self.high.y).flat_map(move |y| columns.clone().map(move |x| Cell::new(x, y)))
     }
 
-    /// Gives the number of columns.
+    /// Returns the number of columns.
     pub fn width_cells(self) -> u64 {
         self.high.x.abs_diff(self.low.x) as u64 + 1
     }
 
-    /// Gives the number of rows.
+    /// Returns the number of rows.
     pub fn height_cells(self) -> u64 {
         self.high.y.abs_diff(self.low.y) as u64 + 1
     }
 
-    /// Gives the smallest rectangle that holds both.
+    /// Returns the smallest rectangle that holds both.
     pub fn join(self, other: CellRect) -> CellRect {
         CellRect {
             low: Cell::new(self.low.x.min(other.low.x), self.low.y.min(other.low.y)),
@@ -72,14 +72,14 @@ impl CellRect {
         }
     }
 
-    /// Gives what both have in common.
+    /// Returns what both have in common.
     pub fn overlap(self, other: CellRect) -> Option<CellRect> {
         let low = Cell::new(self.low.x.max(other.low.x), self.low.y.max(other.low.y));
         let high = Cell::new(self.high.x.min(other.high.x), self.high.y.min(other.high.y));
         (low.x <= high.x && low.y <= high.y).then_some(CellRect { low, high })
     }
 
-    /// Gives the rectangle widened by so many cells on every side.
+    /// Returns the rectangle widened by so many cells on every side.
     pub fn grown(self, cells: i32) -> CellRect {
         CellRect {
             low: Cell::new(self.low.x.saturating_sub(cells), self.low.y.saturating_sub(cells)),
@@ -87,7 +87,7 @@ impl CellRect {
         }
     }
 
-    /// Gives the tile columns and rows that touch the rectangle and lie within the map's reach.
+    /// Returns the tile columns and rows that touch the rectangle and lie within the map's reach.
     pub(super) fn tiles(self) -> (std::ops::Range<i32>, std::ops::Range<i32>) {
         let range = |low: i32, high: i32| {
             let first = (low >> SIDE_BITS).max(-REACH_TILES);
@@ -112,12 +112,12 @@ pub struct View<'a> {
 }
 
 impl View<'_> {
-    /// Gives the lattice of the cells.
+    /// Returns the lattice of the cells.
     pub fn lattice(&self) -> Lattice {
         self.lattice
     }
 
-    /// Tells what is known of a cell.
+    /// Returns what is known of a cell.
     #[inline]
     pub fn occupancy(&self, cell: Cell) -> Occupancy {
         let column = (cell.x >> SIDE_BITS).wrapping_sub(self.first.0) as usize;

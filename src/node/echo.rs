@@ -4,12 +4,12 @@
 /// Speed of sound in dry air of 20 degrees, metres per second.
 pub const SPEED_OF_SOUND_MPS: f64 = 343.2;
 
-/// Gives the distance of what answers after `echo_s`: the sound goes there and back, metres.
+/// Returns the distance of what answers after `echo_s`: the sound goes there and back, metres.
 pub fn echo_distance_m(echo_s: f64, speed_of_sound_mps: f64) -> f64 {
     echo_s * speed_of_sound_mps / 2.0
 }
 
-/// Gives how long the echo of something takes, seconds.
+/// Returns how long the echo of something takes, seconds.
 pub fn echo_time_s(distance_m: f64, speed_of_sound_mps: f64) -> f64 {
     2.0 * distance_m / speed_of_sound_mps
 }

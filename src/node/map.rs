@@ -97,7 +97,7 @@ impl Map {
         }
     }
 
-    /// Gives the merged map.
+    /// Returns the merged map.
     pub fn merged(&self) -> &Merged {
         &self.merged
     }

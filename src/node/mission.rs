@@ -111,7 +111,7 @@ impl Mission {
         }
     }
 
-    /// Says why no leg may be entered now, for status lines.
+    /// Returns why no leg may be entered now, for status lines.
     pub fn waits_for(&self) -> Option<WaitsFor> {
         self.plan.waits_for()
     }
@@ -182,7 +182,7 @@ impl Mission {
         }
     }
 
-    /// Lets the pilot go on; gives what it met.
+    /// Lets the pilot go on; returns what it met.
     fn advance(&mut self, now: Time, out: &mut Vec<Out>) -> Vec<Met> {
         let Some(state) = &self.state else { return Vec::new() };
         let stands = |peer: &&Peer| peer.resting || peer.is_silent(now);
@@ -251,7 +251,7 @@ impl Mission {
         self.report(out);
     }
 
-    /// Tells whether a plan has a lower right than another that was heard, or the own one answers a state that was made
+    /// Returns whether a plan has a lower right than another that was heard, or the own one answers a state that was made
     /// too long ago. (No state was made before the first; only what has heard none answers that.)
     fn is_old(&self, now: Time, plan: &Plan) -> bool {
         let is_own = plan.vehicle == self.settings.vehicle && plan.seen.is_some();

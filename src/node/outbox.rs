@@ -198,12 +198,12 @@ impl Outbox {
         }
     }
 
-    /// Tells how many samples were lost because nothing had room for them.
+    /// Returns how many samples were lost because nothing had room for them.
     pub fn lost(&self) -> u64 {
         self.lost
     }
 
-    /// Tells how many samples are held that the ground has not confirmed.
+    /// Returns how many samples are held that the ground has not confirmed.
     pub fn waiting(&self) -> usize {
         self.fresh.len() + self.sent.len()
     }
@@ -242,7 +242,7 @@ impl Outbox {
         self.marks.get(&source).map(|mark| mark.below)
     }
 
-    /// Tells whether the ground has a sample.
+    /// Returns whether the ground has a sample.
     fn has(&self, place: Place) -> bool {
         self.below((place.boot, place.run)).is_some_and(|below| place.sequence < below)
     }
@@ -381,7 +381,7 @@ impl Outbox {
         Some(Samples { vehicle: self.vehicle, boot, run, samples, lost: Vec::new() })
     }
 
-    /// Gives batches of what is due again, at most so many.
+    /// Returns batches of what is due again, at most so many.
     fn due_batches(&mut self, now: Time, most: usize) -> Vec<Samples> {
         let mut batches: Vec<Samples> = Vec::new();
         for (place, sent) in self.sent.iter_mut().filter(|(_, sent)| sent.due <= now) {

@@ -64,17 +64,17 @@ pub(super) struct Peer {
 }
 
 impl Peer {
-    /// Tells whether it has been heard neither by bus nor by radio lately.
+    /// Returns whether it has been heard neither by bus nor by radio lately.
     pub fn is_silent(&self, now: Time) -> bool {
         now.since(self.heard_at) > SILENT_AFTER
     }
 
-    /// Tells whether something of a start comes too late: a later one was heard, not long ago.
+    /// Returns whether something of a start comes too late: a later one was heard, not long ago.
     fn has_outlived(&self, now: Time, boot: Boot) -> bool {
         boot < self.edition.0 && now.since(self.heard_at) <= LOWER_BOOT_AFTER
     }
 
-    /// Tells whether it has rested for a while, since a moment at least. One that drove when it fell silent is waited
+    /// Returns whether it has rested for a while, since a moment at least. One that drove when it fell silent is waited
     /// for longer: it hears nobody either, and stands by itself, or it is gone.
     pub fn is_quiet(&self, now: Time, since: Time, quiet: Duration) -> bool {
         let rests = self.resting && now.since(self.moved_at.max(since)) >= quiet;
@@ -197,12 +197,12 @@ impl Peers {
         self.newest.retain(|_, peer| is_recent(peer.heard_at) || peer.expected_at.is_some_and(is_recent));
     }
 
-    /// Gives the others, ascending.
+    /// Returns the others, ascending.
     pub fn iter(&self) -> impl Iterator<Item = (VehicleId, &Peer)> {
         self.newest.iter().map(|(id, peer)| (*id, peer))
     }
 
-    /// Gives one of the others, if it was ever heard.
+    /// Returns one of the others, if it was ever heard.
     pub fn get(&self, vehicle: VehicleId) -> Option<&Peer> {
         self.newest.get(&vehicle)
     }

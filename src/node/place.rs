@@ -29,7 +29,7 @@ impl Place {
         self.last = Some((now, state.pose, state.speed_mps));
     }
 
-    /// Gives the pose now, carried on along its heading; `None` when it is unknown, too old or too uncertain.
+    /// Returns the pose now, carried on along its heading; `None` when it is unknown, too old or too uncertain.
     pub fn pose(&self, now: Time) -> Option<Pose> {
         let (at, pose, speed_mps) = self.last?;
         let age = now.since(at);

@@ -227,7 +227,7 @@ mod tests {
         In::State(state)
     }
 
-    /// Runs the sensor until it has pinged once more, and gives the moment.
+    /// Runs the sensor until it has pinged once more, and returns the moment.
     fn next_ping(sensor: &mut Sensor) -> (Time, u64) {
         loop {
             let mut out = Vec::new();

@@ -82,17 +82,17 @@ impl ServoRange {
         Ok(ServoRange { angle_deg, pulse_us })
     }
 
-    /// Gives the first and the last angle, degrees.
+    /// Returns the first and the last angle, degrees.
     pub fn limits_deg(&self) -> [f64; 2] {
         self.angle_deg
     }
 
-    /// Gives the angle at which it stands until it is told otherwise: the first one, degrees.
+    /// Returns the angle at which it stands until it is told otherwise: the first one, degrees.
     pub fn rest_deg(&self) -> f64 {
         self.angle_deg[0]
     }
 
-    /// Gives the pulse width for an angle, microseconds.
+    /// Returns the pulse width for an angle, microseconds.
     ///
     /// # Errors
     /// [`ServoError::Angle`] when the angle is out of reach.
@@ -104,7 +104,7 @@ impl ServoRange {
         Ok(between((angle_deg - low_deg) / (high_deg - low_deg), self.pulse_us))
     }
 
-    /// Gives the angle that a pulse width stands for, degrees.
+    /// Returns the angle that a pulse width stands for, degrees.
     ///
     /// # Errors
     /// [`ServoError::Pulse`] when the pulse width is out of range.
@@ -117,18 +117,18 @@ impl ServoRange {
         Ok(between(share, self.angle_deg))
     }
 
-    /// Gives the angle in reach that is nearest to the wanted one, degrees; what is no number gives the first one.
+    /// Returns the angle in reach that is nearest to the wanted one, degrees; what is no number gives the first one.
     pub fn clamped_deg(&self, angle_deg: f64) -> f64 {
         let [low_deg, high_deg] = self.angle_deg;
         if angle_deg.is_nan() { low_deg } else { angle_deg.clamp(low_deg, high_deg) }
     }
 
-    /// Tells whether an angle belongs to this servo: the first is its own, the last is that of the next one.
+    /// Returns whether an angle belongs to this servo: the first is its own, the last is that of the next one.
     pub fn owns(&self, angle_deg: f64) -> bool {
         (self.angle_deg[0]..self.angle_deg[1]).contains(&angle_deg)
     }
 
-    /// Gives the angle in reach at which the servo looks in a direction relative to the vehicle's heading
+    /// Returns the angle in reach at which the servo looks in a direction relative to the vehicle's heading
     /// (counter-clockwise from ahead), degrees; `None` when it cannot look there.
     pub fn toward_deg(&self, relative: Angle) -> Option<f64> {
         let [low_deg, high_deg] = self.angle_deg;
@@ -139,17 +139,17 @@ impl ServoRange {
         (angle_deg <= high_deg + 1e-9).then_some(angle_deg.min(high_deg))
     }
 
-    /// Gives the angle in reach at which the servo of a vehicle looks along a bearing, degrees.
+    /// Returns the angle in reach at which the servo of a vehicle looks along a bearing, degrees.
     pub fn toward_bearing_deg(&self, heading: Bearing, wanted: Bearing) -> Option<f64> {
         self.toward_deg(wanted.angle() - heading.angle())
     }
 
-    /// Gives the direction of an angle relative to the vehicle's heading, counter-clockwise from ahead.
+    /// Returns the direction of an angle relative to the vehicle's heading, counter-clockwise from ahead.
     pub fn relative(&self, angle_deg: f64) -> Angle {
         Angle::from_degrees(angle_deg - AHEAD_DEG)
     }
 
-    /// Gives how long the servo turns from one angle to another, seconds, at a rate in degrees per second (above 0).
+    /// Returns how long the servo turns from one angle to another, seconds, at a rate in degrees per second (above 0).
     pub fn slew_s(&self, from_deg: f64, to_deg: f64, rate_dps: f64) -> f64 {
         (self.clamped_deg(to_deg) - self.clamped_deg(from_deg)).abs() / rate_dps
     }

@@ -87,7 +87,7 @@ pub struct LookSettings {
 }
 
 impl LookSettings {
-    /// Gives the time in which every beam is looked along once, the turns of the servos included.
+    /// Returns the time in which every beam is looked along once, the turns of the servos included.
     pub fn cycle(&self) -> Duration {
         self.period * self.beams.len() as u32 + self.mounts.slew_of_round(&self.beams)
     }
@@ -105,7 +105,7 @@ pub struct RadioSettings {
 }
 
 impl Settings {
-    /// Gives half the width of the corridor that must be free for a pose deviation, metres.
+    /// Returns half the width of the corridor that must be free for a pose deviation, metres.
     pub fn corridor_m(&self, pose_sd_m: f64) -> f64 {
         self.body.radius_m + self.safety.padding_m + 2.0 * pose_sd_m
     }

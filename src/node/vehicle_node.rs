@@ -43,27 +43,27 @@ impl VehicleNode {
         self.radios = before.radios;
     }
 
-    /// Gives the vehicle's id.
+    /// Returns the vehicle's id.
     pub fn id(&self) -> VehicleId {
         self.id
     }
 
-    /// Gives what the mission is doing, for status lines and tests.
+    /// Returns what the mission is doing, for status lines and tests.
     pub fn mission(&self) -> &Mission {
         self.node.actors().mission.place.actor()
     }
 
-    /// Gives the boot of the vehicle's software.
+    /// Returns the boot of the vehicle's software.
     pub fn boot(&self) -> Boot {
         self.boot
     }
 
-    /// Gives the map that the vehicle holds: its own layer and its peers'.
+    /// Returns the map that the vehicle holds: its own layer and its peers'.
     pub fn map(&self) -> &Merged {
         self.node.actors().map.place.actor().merged()
     }
 
-    /// Gives how many samples of a run its radio has made, over all starts.
+    /// Returns how many samples of a run its radio has made, over all starts.
     pub fn samples_made(&self, run: RunId) -> u64 {
         let made = self.radios.iter().chain([self.radio()]).map(|radio| radio.samples_made(run));
         made.sum()

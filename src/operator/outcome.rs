@@ -90,7 +90,7 @@ impl Outcome {
         !self.vehicles.is_empty() && self.vehicles.values().all(|outcome| outcome.is_done())
     }
 
-    /// Says who has not obeyed, and why; empty when it is done.
+    /// Returns who has not obeyed, and why; empty when it is done.
     pub fn undone(&self) -> String {
         if let Some(refused) = self.refused {
             return refused.to_string();

@@ -256,7 +256,7 @@ impl Condition {
         }
     }
 
-    /// Says why it cannot come to be shown any more; `None` = it can.
+    /// Returns why it cannot come to be shown any more; `None` = it can.
     fn is_hopeless(&self, now: Time, sight: &Sight) -> Option<String> {
         match self {
             Condition::Driven(run) | Condition::Done(run) => {
@@ -281,7 +281,7 @@ impl Condition {
         }
     }
 
-    /// Says what was waited for in vain.
+    /// Returns what was waited for in vain.
     fn missed(&self, now: Time, sight: &Sight, within: Duration) -> String {
         let missing = match self {
             Condition::Heard(expected) => {

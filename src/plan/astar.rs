@@ -142,13 +142,13 @@ pub(super) fn flood(grid: &Grid, start: Cell, rules: &Rules) -> Result<Flood, No
 }
 
 impl Flood {
-    /// Gives the least cost of a way to a cell within the grid, in sides of a cell.
+    /// Returns the least cost of a way to a cell within the grid, in sides of a cell.
     pub(super) fn cost_cells(&self, cell: Cell) -> Option<f64> {
         let cost = self.nodes[self.terrain.place(cell)].cost()?;
         Some(cost as f64 / STRAIGHT as f64)
     }
 
-    /// Gives a way of that cost, both ends included.
+    /// Returns a way of that cost, both ends included.
     pub(super) fn cells_to(&self, goal: Cell) -> Option<Vec<Cell>> {
         let place = self.terrain.place(goal);
         self.nodes[place].cost()?;
@@ -191,7 +191,7 @@ impl Node {
         Node(cost << 5 | (step as u64 + 1))
     }
 
-    /// Gives the least cost so far; greater than any where none is known.
+    /// Returns the least cost so far; greater than any where none is known.
     #[inline]
     pub(super) fn bound(self) -> u64 {
         self.0.wrapping_sub(1) >> 5
@@ -284,7 +284,7 @@ impl Search {
         }
     }
 
-    /// Gives the least cost that any way from a cell to the goal can have.
+    /// Returns the least cost that any way from a cell to the goal can have.
     #[inline]
     fn remaining(&self, from: Cell, goal: Option<Cell>) -> u64 {
         goal.map_or(0, |goal| least_cost(from.x.abs_diff(goal.x), from.y.abs_diff(goal.y), self.diagonal))
@@ -296,7 +296,7 @@ impl Search {
     }
 }
 
-/// Gives the way that led to a place, from its start on.
+/// Returns the way that led to a place, from its start on.
 fn walk_back(terrain: &Terrain, nodes: &[Node], goal: usize) -> Vec<Cell> {
     let (mut cells, mut place, offsets) = (vec![terrain.cell(goal)], goal, terrain.offsets());
     while let Some(offset) = offsets.get(nodes[place].came_by()) {
@@ -332,7 +332,7 @@ impl Found {
 }
 
 impl Turning {
-    /// Gives the turn before a first step, radians.
+    /// Returns the turn before a first step, radians.
     pub(super) fn first_turn_rad(&self, step: usize) -> f64 {
         let direction = Angle::from_degrees(45.0 * step as f64);
         self.heading.map_or(0.0, |heading| (direction - heading).radians().abs())
@@ -343,7 +343,7 @@ fn step_between(from: Cell, to: Cell) -> usize {
     STEPS.iter().position(|(dx, dy)| (to.x - from.x, to.y - from.y) == (*dx, *dy)).unwrap_or(0)
 }
 
-/// Gives the turn between two directions, in eighths of a full one.
+/// Returns the turn between two directions, in eighths of a full one.
 fn eighths_between(a: usize, b: usize) -> usize {
     let turn = (a + 8 - b) % 8;
     turn.min(8 - turn)

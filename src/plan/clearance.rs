@@ -82,7 +82,7 @@ impl Clearance {
         }
     }
 
-    /// Gives the distance from a cell's middle to that of the nearest solid cell, metres; `None`: farther than the
+    /// Returns the distance from a cell's middle to that of the nearest solid cell, metres; `None`: farther than the
     /// reach, or outside the bounds.
     pub fn distance_m(&self, cell: Cell) -> Option<f64> {
         let square = self.square(cell);
@@ -90,17 +90,17 @@ impl Clearance {
         near.then(|| f64::from(square).sqrt() * self.lattice.cell_m())
     }
 
-    /// Gives the lattice of the cells.
+    /// Returns the lattice of the cells.
     pub fn lattice(&self) -> Lattice {
         self.lattice
     }
 
-    /// Gives the bounds.
+    /// Returns the bounds.
     pub fn bounds(&self) -> CellRect {
         self.bounds
     }
 
-    /// Gives the reach, cells: the distance wished, rounded up.
+    /// Returns the reach, cells: the distance wished, rounded up.
     pub(super) fn reach_cells(&self) -> i32 {
         self.reach_cells
     }
@@ -124,12 +124,12 @@ impl Clearance {
         }
     }
 
-    /// Gives what counts for cells within bounds that have never been looked at.
+    /// Returns what counts for cells within bounds that have never been looked at.
     fn unseen(&self) -> u16 {
         if self.unknown_is_solid { 0 } else { FAR }
     }
 
-    /// Gives the squared distance of a cell, cells²: the one kept, or what counts for all others.
+    /// Returns the squared distance of a cell, cells²: the one kept, or what counts for all others.
     fn square(&self, cell: Cell) -> u16 {
         match self.place(cell) {
             Some(place) => self.squares[place],
@@ -163,7 +163,7 @@ impl Clearance {
         (self.window, self.squares) = (Some(window), squares);
     }
 
-    /// Gives the cells of an area that were solid and are not, or the other way round.
+    /// Returns the cells of an area that were solid and are not, or the other way round.
     fn turned(&self, map: &Merged, area: CellRect) -> Vec<Cell> {
         let view = map.view(self.slice, area);
         let (mut turned, mut solid) = (Vec::new(), vec![0; area.width_cells() as usize]);
@@ -206,7 +206,7 @@ impl Clearance {
         }
     }
 
-    /// Gives the distance of each cell to the nearest solid one in its column, cells; solid cells are looked for in
+    /// Returns the distance of each cell to the nearest solid one in its column, cells; solid cells are looked for in
     /// `wide`.
     fn measured_columns(&self, columns: CellRect, wide: CellRect) -> Vec<u8> {
         let width = columns.width_cells() as usize;

@@ -40,7 +40,7 @@ pub struct Release {
 }
 
 impl Release {
-    /// Gives how far the vehicle may still drive, metres.
+    /// Returns how far the vehicle may still drive, metres.
     pub fn ahead_m(&self) -> f64 {
         self.free_until_m - self.here_m
     }
@@ -162,7 +162,7 @@ impl Corridor {
     }
 }
 
-/// Gives how far along a part a point moves until it comes nearer than `reach_m` to `centre`.
+/// Returns how far along a part a point moves until it comes nearer than `reach_m` to `centre`.
 fn first_touch(part: Segment, centre: Point, reach_m: f64) -> Option<f64> {
     let length_m = part.length_m();
     if reach_m <= 0.0 {
@@ -185,7 +185,7 @@ fn first_touch(part: Segment, centre: Point, reach_m: f64) -> Option<f64> {
     (at_m <= length_m).then_some(at_m)
 }
 
-/// Gives the length along a route at which it comes nearest to a point.
+/// Returns the length along a route at which it comes nearest to a point.
 fn nearest_on(route: &[Point], point: Point) -> f64 {
     let (mut best_m, mut at_m, mut done_m) = (f64::INFINITY, 0.0, 0.0);
     for pair in route.windows(2) {

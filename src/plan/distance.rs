@@ -27,19 +27,19 @@ impl Distances {
         Ok(Distances { lattice: grid.lattice(), area: grid.area(), flood })
     }
 
-    /// Gives the least cost of a way to a cell, metres (length, and more where [`Rules`] make a step dearer);
+    /// Returns the least cost of a way to a cell, metres (length, and more where [`Rules`] make a step dearer);
     /// `None` where no way leads: that is a proof. Ways here are those that [`super::shortest_cells`] finds.
     pub fn cost_m(&self, cell: Cell) -> Option<f64> {
         let cost_cells = self.area.contains(cell).then(|| self.flood.cost_cells(cell)).flatten()?;
         Some(cost_cells * self.lattice.cell_m())
     }
 
-    /// Gives a way of that cost, from the start to the cell, both included.
+    /// Returns a way of that cost, from the start to the cell, both included.
     pub fn cells_to(&self, goal: Cell) -> Option<Vec<Cell>> {
         self.area.contains(goal).then(|| self.flood.cells_to(goal)).flatten()
     }
 
-    /// Gives the straightened route to a point; `start` must lie in the start's cell and `grid` be the one that was
+    /// Returns the straightened route to a point; `start` must lie in the start's cell and `grid` be the one that was
     /// searched. `None` where no way leads, or the goal's own place in its cell is too near to something.
     pub fn route_to(&self, grid: &Grid, start: Point, goal: Point) -> Option<Route> {
         if !start.is_finite() || !goal.is_finite() {
@@ -49,7 +49,7 @@ impl Distances {
         route_along(grid, start, &cells, goal).ok()
     }
 
-    /// Gives how many cells can be reached, the start included.
+    /// Returns how many cells can be reached, the start included.
     pub fn reached(&self) -> usize {
         self.flood.reached
     }

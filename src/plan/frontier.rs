@@ -53,18 +53,18 @@ pub struct Cluster {
 }
 
 impl Cluster {
-    /// Gives the number of cells.
+    /// Returns the number of cells.
     pub fn size(&self) -> usize {
         self.cells.len()
     }
 
-    /// Gives the member whose middle is nearest to a point; of several the first one.
+    /// Returns the member whose middle is nearest to a point; of several the first one.
     pub fn nearest_to(&self, lattice: Lattice, point: Point) -> Option<Cell> {
         let distance_m = |cell: &Cell| lattice.centre(*cell).distance_to(point);
         self.cells.iter().copied().min_by(|a, b| distance_m(a).total_cmp(&distance_m(b)))
     }
 
-    /// Gives the member nearest to the centroid.
+    /// Returns the member nearest to the centroid.
     pub fn middle(&self, lattice: Lattice) -> Option<Cell> {
         self.nearest_to(lattice, self.centroid)
     }
@@ -111,32 +111,32 @@ impl Frontiers {
         self.group(loose);
     }
 
-    /// Gives all clusters, by their lowest cell.
+    /// Returns all clusters, by their lowest cell.
     pub fn clusters(&self) -> impl Iterator<Item = Cluster> + '_ {
         self.clusters.values().map(|members| self.cluster(members))
     }
 
-    /// Gives the number of frontier cells.
+    /// Returns the number of frontier cells.
     pub fn len(&self) -> usize {
         self.clusters.values().map(Vec::len).sum()
     }
 
-    /// Tells whether there is no frontier: all that lies beside free ground is known.
+    /// Returns whether there is no frontier: all that lies beside free ground is known.
     pub fn is_empty(&self) -> bool {
         self.clusters.is_empty()
     }
 
-    /// Tells whether a cell is a frontier.
+    /// Returns whether a cell is a frontier.
     pub fn contains(&self, cell: Cell) -> bool {
         self.index(cell).is_some_and(|index| self.flags[index] & FRONTIER != 0)
     }
 
-    /// Gives the lattice of the cells.
+    /// Returns the lattice of the cells.
     pub fn lattice(&self) -> Lattice {
         self.lattice
     }
 
-    /// Gives the bounds.
+    /// Returns the bounds.
     pub fn bounds(&self) -> CellRect {
         self.bounds
     }
@@ -198,7 +198,7 @@ impl Frontiers {
         }
     }
 
-    /// Gives the up to eight places around one.
+    /// Returns the up to eight places around one.
     fn around(&self, index: usize) -> impl Iterator<Item = usize> + use<> {
         let (width, height) = (self.width, self.height);
         let (x, y) = (index % width, index / width);
@@ -252,7 +252,7 @@ mod tests {
         Frontiers::new(Lattice::new(LATTICE), 0, bounds(), fenced).unwrap()
     }
 
-    /// Writes a rectangle of one tile; gives the tile's cells.
+    /// Writes a rectangle of one tile; returns the tile's cells.
     fn write(
         map: &mut Merged,
         revision: u32,

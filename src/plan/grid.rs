@@ -38,7 +38,7 @@ pub enum GridError {
     },
 }
 
-/// Gives the clearance between cell middles which makes every straight step between neighbours sweep free with
+/// Returns the clearance between cell middles which makes every straight step between neighbours sweep free with
 /// `half_width_m`: a step of length s between two places that far from an obstacle comes as near as
 /// √(clearance² − s²/4), and the longest step is a cell's diagonal.
 pub fn swept_clearance_m(half_width_m: f64, lattice: Lattice) -> f64 {
@@ -165,12 +165,12 @@ impl Grid {
         self.levels = Some(levels);
     }
 
-    /// Gives the lattice of the cells.
+    /// Returns the lattice of the cells.
     pub fn lattice(&self) -> Lattice {
         self.lattice
     }
 
-    /// Gives the searched rectangle.
+    /// Returns the searched rectangle.
     pub fn area(&self) -> CellRect {
         self.area
     }
@@ -252,17 +252,17 @@ impl Grid {
         }
     }
 
-    /// Tells whether a vehicle's middle may be in a cell; `false` outside the rectangle.
+    /// Returns whether a vehicle's middle may be in a cell; `false` outside the rectangle.
     pub fn passable(&self, cell: Cell) -> bool {
         self.index(cell).is_some_and(|index| self.open(index))
     }
 
-    /// Tells whether a cell bars only by being too near to something: one may leave it.
+    /// Returns whether a cell bars only by being too near to something: one may leave it.
     pub(super) fn only_near(&self, index: usize) -> bool {
         self.flags[index] == NEAR
     }
 
-    /// Tells whether a vehicle may be in the cell of this index.
+    /// Returns whether a vehicle may be in the cell of this index.
     #[inline]
     pub(super) fn open(&self, index: usize) -> bool {
         self.flags[index] == 0
@@ -274,23 +274,23 @@ impl Grid {
         open.iter_mut().zip(flags).for_each(|(open, flags)| *open = u8::from(*flags == 0));
     }
 
-    /// Tells whether some cells are dearer than others.
+    /// Returns whether some cells are dearer than others.
     pub(super) fn has_levels(&self) -> bool {
         self.levels.is_some()
     }
 
-    /// Gives how dear the cells of a row are; nothing where all are alike.
+    /// Returns how dear the cells of a row are; nothing where all are alike.
     pub(super) fn level_row(&self, row: usize) -> &[u8] {
         self.levels.as_ref().map_or(&[], |levels| &levels[row * self.width..][..self.width])
     }
 
-    /// Gives how dear a cell is; 0 outside.
+    /// Returns how dear a cell is; 0 outside.
     pub(super) fn level(&self, cell: Cell) -> u8 {
         let levels = self.levels.as_ref();
         levels.zip(self.index(cell)).map_or(0, |(levels, index)| levels[index])
     }
 
-    /// Gives how dear the dearest cell under a segment is.
+    /// Returns how dear the dearest cell under a segment is.
     pub(super) fn highest_level(&self, along: Segment) -> u8 {
         if self.levels.is_none() {
             return 0;
@@ -298,7 +298,7 @@ impl Grid {
         self.lattice.cells_under(along).map(|cell| self.level(cell)).max().unwrap_or(0)
     }
 
-    /// Tells whether the strip along a segment is clear: no solid middle nearer than the half-width, and no
+    /// Returns whether the strip along a segment is clear: no solid middle nearer than the half-width, and no
     /// closed cell under it.
     pub(super) fn sweeps_clear(&self, along: Segment) -> bool {
         let reach_m = self.half_width_m - 1e-9;
@@ -315,7 +315,7 @@ impl Grid {
         under.all(|cell| self.index(cell).is_some_and(|index| self.flags[index] & (SOLID | CLOSED) == 0))
     }
 
-    /// Gives the place of a cell in the flags; `None` outside.
+    /// Returns the place of a cell in the flags; `None` outside.
     #[inline]
     pub(super) fn index(&self, cell: Cell) -> Option<usize> {
         if !self.area.contains(cell) {
@@ -325,7 +325,7 @@ impl Grid {
         Some(y * self.width + x)
     }
 
-    /// Gives the cell at a place in the flags.
+    /// Returns the cell at a place in the flags.
     pub(super) fn cell(&self, index: usize) -> Cell {
         Cell::new(
             self.area.low.x + (index % self.width) as i32,
@@ -333,7 +333,7 @@ impl Grid {
         )
     }
 
-    /// Gives columns and rows.
+    /// Returns columns and rows.
     pub(super) fn size(&self) -> (usize, usize) {
         (self.width, self.height)
     }
@@ -388,7 +388,7 @@ impl Grid {
     }
 }
 
-/// Gives the level of a price, as a multiple of the ordinary one.
+/// Returns the level of a price, as a multiple of the ordinary one.
 fn level_of(times: f64) -> u8 {
     libm::round((times - 1.0) * LEVELS_PER_PRICE as f64).clamp(0.0, f64::from(HIGHEST_LEVEL)) as u8
 }

@@ -28,7 +28,7 @@ fn echo(walls: &[Segment], at: Point, direction: Angle) -> Option<f64> {
     (-30..=30).filter_map(ray).min_by(f64::total_cmp)
 }
 
-/// Drives east along y = 0.05 as far as released, at most 0.4 m/s, looking 10 times a second; gives where the
+/// Drives east along y = 0.05 as far as released, at most 0.4 m/s, looking 10 times a second; returns where the
 /// vehicle is at the end, and the last release.
 fn drive(walls: &[Segment], seconds: i32) -> (f64, Release) {
     let mut map = Merged::new(Lattice::new(0.2), Some(OWN));

@@ -31,7 +31,7 @@ impl Mount {
     /// A sensor that can be pointed anywhere, and at once.
     pub const ANYWHERE: Mount = Mount { zero: Angle::ZERO, from_rad: -PI, to_rad: PI, slew_s_per_rad: 0.0 };
 
-    /// Gives where its servo must stand to look along a direction, radians; `None` when it cannot.
+    /// Returns where its servo must stand to look along a direction, radians; `None` when it cannot.
     pub fn reach(&self, beam: Angle) -> Option<f64> {
         let offset_rad = (beam - self.zero).radians();
         // Straight behind the zero is −π as well as π.
@@ -41,17 +41,17 @@ impl Mount {
             .map(|offset_rad| offset_rad.clamp(self.from_rad, self.to_rad))
     }
 
-    /// Gives the direction that it looks along when its servo stands there, against the vehicle's heading.
+    /// Returns the direction that it looks along when its servo stands there, against the vehicle's heading.
     pub fn beam(&self, offset_rad: f64) -> Angle {
         self.zero + Angle::from_radians(offset_rad)
     }
 
-    /// Gives the time that the servo needs between two of its positions; it never turns beyond its limits.
+    /// Returns the time that the servo needs between two of its positions; it never turns beyond its limits.
     pub fn slew(&self, from_rad: f64, to_rad: f64) -> Duration {
         Duration::from_secs_f64((to_rad - from_rad).abs() * self.slew_s_per_rad)
     }
 
-    /// Gives where the servo stands some time after it was sent from one of its positions to another, radians.
+    /// Returns where the servo stands some time after it was sent from one of its positions to another, radians.
     pub fn position(&self, from_rad: f64, to_rad: f64, after: Duration) -> f64 {
         let whole_s = self.slew(from_rad, to_rad).as_secs_f64();
         if after.as_secs_f64() >= whole_s {
@@ -60,7 +60,7 @@ impl Mount {
         from_rad + (to_rad - from_rad) * (after.as_secs_f64() / whole_s)
     }
 
-    /// Gives the position nearest to the middle of the range in which the servo begins: its zero, if it can.
+    /// Returns the position nearest to the middle of the range in which the servo begins: its zero, if it can.
     pub fn rest_rad(&self) -> f64 {
         0f64.clamp(self.from_rad, self.to_rad)
     }
@@ -110,12 +110,12 @@ impl Mounts {
         if mounts.is_empty() { Mounts::default() } else { Mounts(mounts) }
     }
 
-    /// Gives the sensors in order.
+    /// Returns the sensors in order.
     pub fn all(&self) -> &[Mount] {
         &self.0
     }
 
-    /// Gives the sensor that looks along a direction (against the heading): of those that reach it the one that turns
+    /// Returns the sensor that looks along a direction (against the heading): of those that reach it the one that turns
     /// least from the middle of its range, of equals the first; `None` when none reaches it.
     pub fn aim(&self, beam: Angle) -> Option<Aim> {
         let reaching = |(sensor, mount): (usize, &Mount)| {
@@ -126,7 +126,7 @@ impl Mounts {
         aims.min_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, aim)| aim)
     }
 
-    /// Gives how to look along a direction (against the heading).
+    /// Returns how to look along a direction (against the heading).
     pub fn choose(&self, wanted: Angle) -> Choice {
         if let Some(aim) = self.aim(wanted) {
             return Choice::Servo(aim);
@@ -140,7 +140,7 @@ impl Mounts {
         least.map_or(Choice::Servo(aim), |(by, aim)| Choice::Turn { by, aim })
     }
 
-    /// Gives the time that servos turn while every beam is looked along once, in a round that is repeated.
+    /// Returns the time that servos turn while every beam is looked along once, in a round that is repeated.
     pub fn slew_of_round(&self, beams: &[Angle]) -> Duration {
         let aims: Vec<Aim> = beams.iter().filter_map(|beam| self.aim(*beam)).collect();
         let turned = |(index, mount): (usize, &Mount)| {
@@ -169,7 +169,7 @@ impl Pointing {
         Pointing { ways: mounts.all().iter().map(rest).collect(), mounts, sensor: 0 }
     }
 
-    /// Points the sensor that reaches a direction, at a moment (time since any fixed one); gives how long its servo
+    /// Points the sensor that reaches a direction, at a moment (time since any fixed one); returns how long its servo
     /// turns. Nothing moves when none reaches it.
     pub fn steer(&mut self, now: Duration, beam: Angle) -> Duration {
         let Some(aim) = self.mounts.aim(beam) else { return Duration::ZERO };
@@ -180,12 +180,12 @@ impl Pointing {
         self.mounts.all()[aim.sensor].slew(from_rad, aim.offset_rad)
     }
 
-    /// Gives which sensor was steered last: the one that listens.
+    /// Returns which sensor was steered last: the one that listens.
     pub fn sensor(&self) -> usize {
         self.sensor
     }
 
-    /// Gives the direction (against the heading) that the sensor steered last looks along at a moment.
+    /// Returns the direction (against the heading) that the sensor steered last looks along at a moment.
     pub fn beam(&self, now: Duration) -> Angle {
         self.mounts.all()[self.sensor].beam(self.position(now, self.sensor))
     }

@@ -58,13 +58,13 @@ pub enum SpeedError {
     },
 }
 
-/// Gives the way to a stop from a speed, metres: first `delay_s` at that speed, then braking.
+/// Returns the way to a stop from a speed, metres: first `delay_s` at that speed, then braking.
 pub fn stopping_distance_m(speed_mps: f64, delay_s: f64, braking_mps2: f64) -> f64 {
     speed_mps * delay_s + speed_mps * speed_mps / (2.0 * braking_mps2)
 }
 
 impl Sight {
-    /// Gives the highest speed from which the vehicle stops within what it has seen, m/s.
+    /// Returns the highest speed from which the vehicle stops within what it has seen, m/s.
     ///
     /// # Errors
     /// [`SpeedError`] when a value is impossible or the margin leaves no room.
@@ -77,7 +77,7 @@ impl Sight {
         Ok(self.speed_within_mps(room_m))
     }
 
-    /// Tells whether a wanted cruising speed is safe.
+    /// Returns whether a wanted cruising speed is safe.
     ///
     /// # Errors
     /// [`SpeedError`], with the highest speed that fits when it is too fast.
@@ -92,7 +92,7 @@ impl Sight {
         Err(SpeedError::TooFast { wanted_mps, needed_m, room_m, highest_mps })
     }
 
-    /// Gives the speed from which the vehicle stops within `room_m`, looks and latency included, m/s; 0 without
+    /// Returns the speed from which the vehicle stops within `room_m`, looks and latency included, m/s; 0 without
     /// room. For values that [`Sight::highest_speed_mps`] has accepted.
     pub fn speed_within_mps(&self, room_m: f64) -> f64 {
         let (delay_s, braking_mps2) = (self.delay_s(), self.braking_mps2);
@@ -100,7 +100,7 @@ impl Sight {
         braking_mps2 * (root_s - delay_s)
     }
 
-    /// Gives the time that the vehicle may drive on before it brakes, seconds.
+    /// Returns the time that the vehicle may drive on before it brakes, seconds.
     pub fn delay_s(&self) -> f64 {
         self.scan_period_s + self.latency_s
     }

@@ -31,7 +31,7 @@ static ALL: [Choices; 3] = [choices(0, false), choices(1, false), choices(2, fal
 /// Only right where every step costs its length.
 static CANONICAL: [Choices; 3] = [choices(0, true), choices(1, true), choices(2, true)];
 
-/// Gives the steps to look at; `canonical` leaves out what another way reaches as cheaply.
+/// Returns the steps to look at; `canonical` leaves out what another way reaches as cheaply.
 pub(super) fn steps_to_look_at(rules: &Rules, canonical: bool) -> &'static Choices {
     let kind = match (rules.diagonal, rules.cut_corners) {
         (false, _) => 0,
@@ -41,14 +41,14 @@ pub(super) fn steps_to_look_at(rules: &Rules, canonical: bool) -> &'static Choic
     if canonical { &CANONICAL[kind] } else { &ALL[kind] }
 }
 
-/// Gives the cost of a step into a cell of a level.
+/// Returns the cost of a step into a cell of a level.
 #[inline]
 pub(super) const fn price(step: usize, level: u8) -> u64 {
     let length = if step.is_multiple_of(2) { STRAIGHT } else { DIAGONAL };
     length / LEVELS_PER_PRICE * (LEVELS_PER_PRICE + level as u64)
 }
 
-/// Gives the least cost over so many columns and rows.
+/// Returns the least cost over so many columns and rows.
 #[inline]
 pub(super) fn least_cost(columns: u32, rows: u32, diagonal: bool) -> u64 {
     let (columns, rows) = (u64::from(columns), u64::from(rows));
@@ -76,17 +76,17 @@ const fn choices(kind: u8, canonical: bool) -> Choices {
     table
 }
 
-/// Tells whether the cell that lies in a direction is open.
+/// Returns whether the cell that lies in a direction is open.
 const fn is_open(open: usize, step: usize) -> bool {
     open & bit(step) as usize != 0
 }
 
-/// Gives the bit of a direction; directions are counted round and round.
+/// Returns the bit of a direction; directions are counted round and round.
 const fn bit(step: usize) -> u8 {
     1 << (step % 8)
 }
 
-/// Gives the steps that lead into open cells and past no barred corner.
+/// Returns the steps that lead into open cells and past no barred corner.
 const fn allowed(kind: u8, open: usize) -> u8 {
     let (mut steps, mut step) = (0, 0);
     while step < 8 {
@@ -100,7 +100,7 @@ const fn allowed(kind: u8, open: usize) -> u8 {
     steps
 }
 
-/// Gives the steps that no other way makes needless.
+/// Returns the steps that no other way makes needless.
 const fn wanted(kind: u8, came_by: usize, open: usize) -> u8 {
     let ahead = bit(came_by);
     match (kind, came_by.is_multiple_of(2)) {

@@ -49,18 +49,18 @@ impl Terrain {
         Terrain { area: grid.area(), stride, around, levels }
     }
 
-    /// Gives the number of places, border included.
+    /// Returns the number of places, border included.
     pub(super) fn len(&self) -> usize {
         self.around.len()
     }
 
-    /// Gives the place of a cell within the area.
+    /// Returns the place of a cell within the area.
     pub(super) fn place(&self, cell: Cell) -> usize {
         let (x, y) = (cell.x.abs_diff(self.area.low.x) as usize, cell.y.abs_diff(self.area.low.y) as usize);
         (y + 1) * self.stride + x + 1
     }
 
-    /// Gives the cell at a place.
+    /// Returns the cell at a place.
     #[inline]
     pub(super) fn cell(&self, place: usize) -> Cell {
         let (place, stride) = (place as u32, self.stride as u32);
@@ -70,18 +70,18 @@ impl Terrain {
         )
     }
 
-    /// Gives how far each step leads, in places.
+    /// Returns how far each step leads, in places.
     pub(super) fn offsets(&self) -> [isize; 8] {
         STEPS.map(|(dx, dy)| dy as isize * self.stride as isize + dx as isize)
     }
 
-    /// Gives which cells around a place may be entered.
+    /// Returns which cells around a place may be entered.
     #[inline]
     pub(super) fn around(&self, place: usize) -> u8 {
         self.around[place]
     }
 
-    /// Gives how dear it is to enter each place; `None`: every step costs its length.
+    /// Returns how dear it is to enter each place; `None`: every step costs its length.
     pub(super) fn levels(&self) -> Option<&[u8]> {
         self.levels.as_deref()
     }

@@ -123,7 +123,7 @@ impl<'a> Search<'a> {
         }
     }
 
-    /// Searches until nothing is left that could be cheaper than the way found; gives its last state.
+    /// Searches until nothing is left that could be cheaper than the way found; returns its last state.
     fn run(&mut self, goal: usize) -> Option<usize> {
         while let Some(state) = self.queue.pop() {
             let state = state as usize;
@@ -174,7 +174,7 @@ impl<'a> Search<'a> {
         }
     }
 
-    /// Gives the cells of the way that led to a state.
+    /// Returns the cells of the way that led to a state.
     fn walk_back(&self, last: usize) -> Vec<Cell> {
         let (mut cells, mut state) = (vec![self.terrain.cell(last / 8)], last);
         loop {
@@ -195,7 +195,7 @@ impl<'a> Search<'a> {
     }
 }
 
-/// Gives a cost in whole numbers.
+/// Returns a cost in whole numbers.
 fn cost_of(cells: f64) -> u64 {
     libm::round(cells * STRAIGHT as f64) as u64
 }

@@ -233,7 +233,7 @@ impl Bus {
         Ok(Bus { shared, links, keeper: Some(keeper) })
     }
 
-    /// Gives a handle by which messages are published from any thread.
+    /// Returns a handle by which messages are published from any thread.
     pub fn mouth(&self) -> Mouth {
         Mouth { shared: self.shared.clone(), links: self.links.clone() }
     }
@@ -304,7 +304,7 @@ impl Mouth {
         lock(&self.shared.exchange).speak();
     }
 
-    /// Gives what was carried so far.
+    /// Returns what was carried so far.
     pub fn traffic(&self) -> Traffic {
         let counts = lock(&self.shared.exchange).counts();
         Traffic {
@@ -326,7 +326,7 @@ impl Mouth {
 }
 
 impl Shared {
-    /// Tells whether the node listens for others.
+    /// Returns whether the node listens for others.
     fn is_hub(&self) -> bool {
         match self.settings.topology {
             Topology::Mesh => true,

@@ -54,7 +54,7 @@ impl Troubles {
         }
     }
 
-    /// Gives all that is wrong, in words.
+    /// Returns all that is wrong, in words.
     pub fn list(&self) -> Vec<String> {
         lock(&self.said).iter().map(|(who, what)| format!("{who}: {what}")).collect()
     }
@@ -129,7 +129,7 @@ impl<I: Input> Mailbox<I> {
         }
     }
 
-    /// Tells how many inputs were dropped unread.
+    /// Returns how many inputs were dropped unread.
     pub fn dropped(&self) -> u64 {
         lock(&self.unread.state).inbox.dropped()
     }
@@ -163,7 +163,7 @@ impl<I: Input> Mailbox<I> {
         }
     }
 
-    /// Waits so long, or until the mailbox is closed; gives whether it is still open.
+    /// Waits so long, or until the mailbox is closed; returns whether it is still open.
     fn pause(&self, clock: Clock, span: Duration) -> bool {
         let until = clock.now() + span;
         let mut state = lock(&self.unread.state);

@@ -55,7 +55,7 @@ pub fn bus_settings(node: Sender, venue: &Venue, file: &BusFile, access: Vec<Acc
     }
 }
 
-/// Reads the files by which a node is known, and gives who may write what; nothing where there are no certificates.
+/// Reads the files by which a node is known, and returns who may write what; nothing where there are no certificates.
 /// The highest issue of the roster that was ever seen is kept, so that an older one does not count again.
 ///
 /// # Errors

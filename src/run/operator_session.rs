@@ -47,12 +47,12 @@ impl Session {
         Ok(Session { bus, mouth, heard, clock, began_utc_s, troubles, dropped })
     }
 
-    /// Gives the time since the tool joined.
+    /// Returns the time since the tool joined.
     pub fn now(&self) -> Time {
         self.clock.now()
     }
 
-    /// Gives a moment by this machine's date, seconds since 1970; for people and notes, never to decide by.
+    /// Returns a moment by this machine's date, seconds since 1970; for people and notes, never to decide by.
     pub fn utc_s(&self, at: Time) -> f64 {
         self.began_utc_s + at.as_secs_f64()
     }
@@ -71,22 +71,22 @@ impl Session {
         }
     }
 
-    /// Gives what messages are published by.
+    /// Returns what messages are published by.
     pub fn mouth(&self) -> &Mouth {
         &self.mouth
     }
 
-    /// Tells whether anyone can be reached.
+    /// Returns whether anyone can be reached.
     pub fn is_linked(&self) -> bool {
         self.mouth.links() > 0
     }
 
-    /// Gives what is wrong with the bus, in words.
+    /// Returns what is wrong with the bus, in words.
     pub fn troubles(&self) -> Vec<String> {
         self.troubles.list()
     }
 
-    /// Tells how many messages were dropped since the tool could not keep up.
+    /// Returns how many messages were dropped since the tool could not keep up.
     pub fn dropped(&self) -> u64 {
         self.dropped.load(Ordering::Relaxed)
     }

@@ -51,7 +51,7 @@ impl Process {
         Process { context, endings: ended, ticked: Time::ZERO }
     }
 
-    /// Gives what all threads share.
+    /// Returns what all threads share.
     pub fn context(&self) -> &RuntimeContext {
         &self.context
     }
@@ -69,7 +69,7 @@ impl Process {
         Member::open(settings, own, &self.context, hear)
     }
 
-    /// Asks whether it may take part, until it does; gives how it ended if it may not, or was asked to stop meanwhile.
+    /// Asks whether it may take part, until it does; returns how it ended if it may not, or was asked to stop meanwhile.
     pub fn ask(&mut self, member: &mut Member, is_stopped: &dyn Fn() -> bool) -> Option<Finish> {
         loop {
             let next = member.greet(self.context.clock.now());

@@ -87,17 +87,17 @@ impl StateDir {
         Ok(StateDir { path: path.to_owned(), boot, _lock: lock })
     }
 
-    /// Gives which start this is: one more than the last one in this folder.
+    /// Returns which start this is: one more than the last one in this folder.
     pub fn boot(&self) -> Boot {
         self.boot
     }
 
-    /// Gives the path of something in the folder.
+    /// Returns the path of something in the folder.
     pub fn join(&self, name: &str) -> PathBuf {
         self.path.join(name)
     }
 
-    /// Gives the room left, MB; `None` when the system does not tell.
+    /// Returns the room left, MB; `None` when the system does not tell.
     pub fn free_mb(&self) -> Option<u32> {
         let room = statvfs(&self.path).ok()?;
         u32::try_from(room.f_bavail.saturating_mul(room.f_frsize) >> 20).ok()
@@ -118,7 +118,7 @@ fn next_boot(path: &Path) -> Result<Boot, StateDirError> {
     next.map(Boot).ok_or_else(|| StateDirError::Count { path: path.to_owned(), text: text.trim().to_owned() })
 }
 
-/// Gives the number of the first start in a folder, by the system's clock and a random number.
+/// Returns the number of the first start in a folder, by the system's clock and a random number.
 fn first_boot(utc: Option<Duration>, drawn: u64) -> Boot {
     let since_2020_s = utc.and_then(|utc| utc.checked_sub(UNTIL_2020)).map(|since| since.as_secs());
     let number = match since_2020_s.filter(|seconds| PLAUSIBLE_S.contains(seconds)) {

@@ -26,7 +26,7 @@ pub struct Tapping {
 }
 
 impl Tapping {
-    /// Gives what was heard as an object if it is wanted; `received_s` counts from the tool's start, `utc_s` from 1970 by
+    /// Returns what was heard as an object if it is wanted; `received_s` counts from the tool's start, `utc_s` from 1970 by
     /// the clock of this machine.
     pub fn line(&self, received_s: f64, utc_s: f64, heard: &Heard) -> Option<Value> {
         let (sender, kind, message) = match heard {
@@ -66,7 +66,7 @@ impl Tapping {
     }
 }
 
-/// Gives the fields of a message, without its kind around them.
+/// Returns the fields of a message, without its kind around them.
 fn written(message: &Message) -> Value {
     match serde_json::to_value(message) {
         Ok(Value::Object(named)) => named.into_iter().next().map_or(Value::Null, |(_, fields)| fields),
@@ -91,7 +91,7 @@ fn of_sender(sender: Sender) -> Option<VehicleId> {
     }
 }
 
-/// Gives for which vehicle a message is.
+/// Returns for which vehicle a message is.
 fn addressee(heard: &Heard) -> Option<VehicleId> {
     match heard {
         Heard::Message(_, Message::Order(order)) => Some(order.vehicle),

@@ -102,7 +102,7 @@ struct Last {
 }
 
 impl Last {
-    /// Tells whether the autopilot has said nothing for too long; also one that was never heard.
+    /// Returns whether the autopilot has said nothing for too long; also one that was never heard.
     fn is_autopilot_silent(&self, now: Time) -> bool {
         now.since(self.state_at.unwrap_or(Time::ZERO)) > AUTOPILOT_SILENT
     }

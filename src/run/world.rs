@@ -132,17 +132,17 @@ impl WorldServer {
         Ok(server)
     }
 
-    /// Gives where it listens.
+    /// Returns where it listens.
     pub fn address(&self) -> SocketAddr {
         self.address
     }
 
-    /// Gives what ends it.
+    /// Returns what ends it.
     pub fn stopper(&self) -> WorldStopper {
         self.stopper.clone()
     }
 
-    /// Waits until it is ended, by its stopper or by a word of control; gives how it went.
+    /// Waits until it is ended, by its stopper or by a word of control; returns how it went.
     pub fn wait(mut self) -> Status {
         self.join()
     }

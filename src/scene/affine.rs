@@ -48,7 +48,7 @@ impl Affine {
         ])
     }
 
-    /// Gives the map that first does `inner`, then this one.
+    /// Returns the map that first does `inner`, then this one.
     pub(super) fn after(&self, inner: &Affine) -> Affine {
         let mut linear = [[0.0; 3]; 3];
         for (row, out) in self.linear.iter().zip(&mut linear) {
@@ -59,34 +59,34 @@ impl Affine {
         Affine { linear, shift: self.apply(inner.shift) }
     }
 
-    /// Gives the image of a point.
+    /// Returns the image of a point.
     pub(super) fn apply(&self, point: Xyz) -> Xyz {
         let [x, y, z] = self.turn(point);
         [x + self.shift[0], y + self.shift[1], z + self.shift[2]]
     }
 
-    /// Gives the image of a direction (no shift).
+    /// Returns the image of a direction (no shift).
     pub(super) fn turn(&self, direction: Xyz) -> Xyz {
         self.linear.map(|row| dot(row, direction))
     }
 }
 
-/// Gives the scalar product.
+/// Returns the scalar product.
 pub(super) fn dot(a: Xyz, b: Xyz) -> f64 {
     a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }
 
-/// Gives the cross product.
+/// Returns the cross product.
 pub(super) fn cross(a: Xyz, b: Xyz) -> Xyz {
     [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
 }
 
-/// Gives the sum a + b.
+/// Returns the sum a + b.
 pub(super) fn add(a: Xyz, b: Xyz) -> Xyz {
     [a[0] + b[0], a[1] + b[1], a[2] + b[2]]
 }
 
-/// Gives the difference a − b.
+/// Returns the difference a − b.
 pub(super) fn sub(a: Xyz, b: Xyz) -> Xyz {
     [a[0] - b[0], a[1] - b[1], a[2] - b[2]]
 }

@@ -90,7 +90,7 @@ impl Attenuation {
         Attenuation { wavelength_m, leak, solids, sheets, normal: NormalTable::new() }
     }
 
-    /// Gives the attenuation between two antennas, dB; never negative, the same bits in both directions.
+    /// Returns the attenuation between two antennas, dB; never negative, the same bits in both directions.
     pub fn between(&self, a: Point, b: Point) -> f64 {
         let Some(link) = Link::new(a, b, self.wavelength_m) else { return 0.0 };
         let solids = self.solids.iter().filter(|solid| link.may_meet(solid.bounds));
@@ -101,13 +101,13 @@ impl Attenuation {
                 .sum::<f64>()
     }
 
-    /// Gives an object's attenuation with what leaks around it, dB.
+    /// Returns an object's attenuation with what leaks around it, dB.
     fn saturated_db(&self, plain_db: f64) -> f64 {
         let through = libm::exp(plain_db * -std::f64::consts::LN_10 / 10.0);
         (-10.0 * libm::log10(through + self.leak)).max(0.0)
     }
 
-    /// Gives the average length inside all solids together, without saturation, metres.
+    /// Returns the average length inside all solids together, without saturation, metres.
     #[cfg(test)]
     pub(super) fn inside_m(&self, a: Point, b: Point) -> f64 {
         let Some(link) = Link::new(a, b, self.wavelength_m) else { return 0.0 };
@@ -282,7 +282,7 @@ impl Link {
         (self.spread * s_m * (self.length_m - s_m)).max(0.0).sqrt()
     }
 
-    /// Tells whether a rectangle comes near the link, by its extent along both of the link's axes.
+    /// Returns whether a rectangle comes near the link, by its extent along both of the link's axes.
     fn may_meet(&self, bounds: Rect) -> bool {
         let Place { s_m, h_m } = self.place(bounds.centre());
         let (half_x, half_y) = (bounds.width_m() / 2.0, bounds.height_m() / 2.0);

@@ -203,12 +203,12 @@ impl Scene {
         Ok(Scene { objects, bounds, surface })
     }
 
-    /// Gives all objects: the shapes in file order, then the persons.
+    /// Returns all objects: the shapes in file order, then the persons.
     pub fn objects(&self) -> &[Object] {
         &self.objects
     }
 
-    /// Gives the lowest and the highest coordinates of all that stands there, metres; `None` when nothing does.
+    /// Returns the lowest and the highest coordinates of all that stands there, metres; `None` when nothing does.
     pub fn extent(&self) -> Option<([f64; 3], [f64; 3])> {
         let mut boxes = self.bounds.iter().map(|Bounds { plan, low_m, high_m }| {
             ([plan.min.x_m, plan.min.y_m, *low_m], [plan.max.x_m, plan.max.y_m, *high_m])
@@ -222,14 +222,14 @@ impl Scene {
         }))
     }
 
-    /// Gives all objects with the boxes around them.
+    /// Returns all objects with the boxes around them.
     pub(super) fn bounded(&self) -> impl Iterator<Item = (&Object, &Bounds)> {
         self.objects.iter().zip(&self.bounds)
     }
 }
 
 impl Shape {
-    /// Gives the surface as triangles.
+    /// Returns the surface as triangles.
     pub(super) fn surface(&self) -> Mesh {
         match self {
             Shape::Mesh(mesh) => mesh.clone(),
@@ -344,7 +344,7 @@ fn raise(post: &Post) -> Result<Object, SceneError> {
     Ok(Object { name: post.name.clone(), shape, material: post.material, closed: true })
 }
 
-/// Gives the surface of an upright body with a simple counter-clockwise outline.
+/// Returns the surface of an upright body with a simple counter-clockwise outline.
 fn upright(footprint: &Polygon, low_m: f64, high_m: f64) -> Mesh {
     let corners = footprint.corners();
     let at = |height_m: f64| corners.iter().map(move |corner| [corner.x_m, corner.y_m, height_m]);

@@ -60,7 +60,7 @@ impl Surface {
 }
 
 impl Scene {
-    /// Gives the nearest surface that a ray meets, from either side, within `max_m`.
+    /// Returns the nearest surface that a ray meets, from either side, within `max_m`.
     ///
     /// `direction` is a unit vector, local frame; z is up. `None` when nothing is met.
     pub fn cast(&self, origin: [f64; 3], direction: [f64; 3], max_m: f64) -> Option<Hit> {
@@ -92,7 +92,7 @@ impl Slabs {
         Slabs { origin: ray.origin, inverse: Vector::new(invert(x), invert(y), invert(z)) }
     }
 
-    /// Gives where the ray enters a node's box, metres; the largest number when it misses. A hair of slack
+    /// Returns where the ray enters a node's box, metres; the largest number when it misses. A hair of slack
     /// keeps flat boxes from being missed by rounding.
     fn entry_m(&self, node: &BvhNode) -> f64 {
         let one = (node.mins() - self.origin) * self.inverse;
@@ -103,7 +103,7 @@ impl Slabs {
     }
 }
 
-/// Gives a triangle's unit normal; `None` when it has no area.
+/// Returns a triangle's unit normal; `None` when it has no area.
 fn unit_normal([a, b, c]: [Xyz; 3]) -> Option<Xyz> {
     let normal = cross(sub(b, a), sub(c, a));
     let length = dot(normal, normal).sqrt();

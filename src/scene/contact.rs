@@ -14,7 +14,7 @@ struct Band {
 }
 
 impl Scene {
-    /// Gives the share of the way (0 to 1) at which an upright post first touches an object.
+    /// Returns the share of the way (0 to 1) at which an upright post first touches an object.
     ///
     /// The post has `radius_m` and reaches from `low_m` to `high_m` (z, metres); what only touches it from
     /// above or below, such as the ground it stands on, does not count. 0 when it touches at the start,
@@ -38,7 +38,7 @@ impl Scene {
         first
     }
 
-    /// Gives the distance from a place to the nearest object that reaches between two heights, metres; 0
+    /// Returns the distance from a place to the nearest object that reaches between two heights, metres; 0
     /// inside one, infinite when there is none.
     pub fn clearance_m(&self, at: Point, low_m: f64, high_m: f64) -> f64 {
         let band = Band { low_m, high_m };
@@ -70,7 +70,7 @@ impl Bounds {
 }
 
 impl Object {
-    /// Tells whether a place lies inside a closed mesh at the middle of the heights that both share; the
+    /// Returns whether a place lies inside a closed mesh at the middle of the heights that both share; the
     /// surface itself is looked at piece by piece.
     fn holds(&self, at: Point, bounds: &Bounds, band: Band) -> bool {
         match &self.shape {
@@ -148,7 +148,7 @@ fn clipped(triangle: [[f64; 3]; 3], band: Band) -> Clipped {
     out
 }
 
-/// Gives the share of the way at which a disc first touches a convex piece.
+/// Returns the share of the way at which a disc first touches a convex piece.
 fn piece_contact(piece: &[Point], along: Segment, radius_m: f64) -> Option<f64> {
     if piece_distance_m(piece, along.from) <= radius_m {
         return Some(0.0);
@@ -156,7 +156,7 @@ fn piece_contact(piece: &[Point], along: Segment, radius_m: f64) -> Option<f64> 
     edges(piece).filter_map(|edge| edge_contact(edge, along, radius_m)).min_by(f64::total_cmp)
 }
 
-/// Gives the distance from a point to a convex piece, metres; 0 inside.
+/// Returns the distance from a point to a convex piece, metres; 0 inside.
 fn piece_distance_m(piece: &[Point], at: Point) -> f64 {
     let sides_m2 = edges(piece).map(|edge| edge.vector().cross(at - edge.from));
     let (least_m2, most_m2) = sides_m2
@@ -167,7 +167,7 @@ fn piece_distance_m(piece: &[Point], at: Point) -> f64 {
     distance_to_edges_m(piece, at)
 }
 
-/// Tells whether a piece is seen edge-on, so that it has no inside (1e-9 m² is below any wall of ours).
+/// Returns whether a piece is seen edge-on, so that it has no inside (1e-9 m² is below any wall of ours).
 fn is_flat(piece: &[Point]) -> bool {
     let Some(first) = piece.first() else { return true };
     let twice_m2: f64 = edges(piece).map(|edge| (edge.from - *first).cross(edge.to - *first)).sum();
@@ -183,7 +183,7 @@ fn edges(piece: &[Point]) -> impl Iterator<Item = Segment> + '_ {
     piece.iter().zip(next).map(|(from, to)| Segment::new(*from, *to))
 }
 
-/// Gives the share at which a disc that starts clear of a segment first touches it: at one of its ends, or
+/// Returns the share at which a disc that starts clear of a segment first touches it: at one of its ends, or
 /// where its middle crosses one of the two lines beside the segment.
 fn edge_contact(edge: Segment, along: Segment, radius_m: f64) -> Option<f64> {
     let ends = [end_contact(edge.from, along, radius_m), end_contact(edge.to, along, radius_m)];

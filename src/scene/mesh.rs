@@ -57,22 +57,22 @@ impl Mesh {
         Mesh { vertices, triangles }
     }
 
-    /// Gives the vertices, metres.
+    /// Returns the vertices, metres.
     pub fn vertices(&self) -> &[[f64; 3]] {
         &self.vertices
     }
 
-    /// Gives the triangles as indices into the vertices.
+    /// Returns the triangles as indices into the vertices.
     pub fn triangles(&self) -> &[[u32; 3]] {
         &self.triangles
     }
 
-    /// Gives the corners of every triangle.
+    /// Returns the corners of every triangle.
     pub fn corners(&self) -> impl Iterator<Item = [[f64; 3]; 3]> + '_ {
         self.triangles.iter().map(|triangle| triangle.map(|index| self.vertices[index as usize]))
     }
 
-    /// Gives the mesh with every vertex sent through a map.
+    /// Returns the mesh with every vertex sent through a map.
     pub(super) fn map(&self, map: impl Fn(Xyz) -> Xyz) -> Mesh {
         Mesh {
             vertices: self.vertices.iter().map(|vertex| map(*vertex)).collect(),
@@ -96,7 +96,7 @@ impl Mesh {
         members.into_values().map(|triangles| Mesh::using(&welded.vertices, &triangles).closed()).collect()
     }
 
-    /// Gives the loops at which a level plane cuts a closed mesh, as corners in order.
+    /// Returns the loops at which a level plane cuts a closed mesh, as corners in order.
     pub(super) fn loops_at(&self, height_m: f64) -> Vec<Vec<Point>> {
         let cuts = self.cuts_at(height_m);
         let mut waiting: BTreeMap<(u32, u32), Vec<usize>> = BTreeMap::new();
@@ -124,7 +124,7 @@ impl Mesh {
         loops
     }
 
-    /// Gives the pieces at which a level plane cuts the mesh, in no order.
+    /// Returns the pieces at which a level plane cuts the mesh, in no order.
     pub(super) fn segments_at(&self, height_m: f64) -> impl Iterator<Item = Segment> + '_ {
         self.cut_triangles(height_m).map(|cut| Segment::new(cut.from, cut.to))
     }
@@ -195,7 +195,7 @@ impl Mesh {
         sides
     }
 
-    /// Tells whether the mesh is closed, after turning its triangles consistently where they were not.
+    /// Returns whether the mesh is closed, after turning its triangles consistently where they were not.
     fn closed(mut self) -> (Mesh, bool) {
         let balanced = self.is_balanced() || {
             self.turn_consistently();
@@ -204,7 +204,7 @@ impl Mesh {
         (self, balanced)
     }
 
-    /// Tells whether every side is run along as often one way as the other.
+    /// Returns whether every side is run along as often one way as the other.
     fn is_balanced(&self) -> bool {
         let sides = self.sides();
         sides.chunk_by(|a, b| a.ends == b.ends).all(|same| {

@@ -24,7 +24,7 @@ pub struct Outline {
 }
 
 impl Outline {
-    /// Tells whether a point lies in the solid part.
+    /// Returns whether a point lies in the solid part.
     pub fn contains(&self, point: Point) -> bool {
         self.polygon.contains(point) && !self.holes.iter().any(|hole| hole.contains(point))
     }
@@ -34,7 +34,7 @@ impl Outline {
 pub(super) type Region = Vec<Vec<Point>>;
 
 impl Scene {
-    /// Gives the outlines of everything that stands at a height, metres above z = 0, in object order.
+    /// Returns the outlines of everything that stands at a height, metres above z = 0, in object order.
     pub fn outlines(&self, height_m: f64) -> Vec<Outline> {
         let mut outlines = Vec::new();
         for (index, object) in self.objects().iter().enumerate() {
@@ -62,7 +62,7 @@ impl Scene {
 }
 
 impl Object {
-    /// Gives the regions that a closed object fills at a height; none for open sheets.
+    /// Returns the regions that a closed object fills at a height; none for open sheets.
     pub(super) fn regions_at(&self, height_m: f64) -> Vec<Region> {
         match &self.shape {
             Shape::Prism { footprint, low_m, high_m } => {
@@ -76,7 +76,7 @@ impl Object {
         }
     }
 
-    /// Gives the straight pieces at which an open sheet is cut at a height; none for closed objects.
+    /// Returns the straight pieces at which an open sheet is cut at a height; none for closed objects.
     pub(super) fn sheet_at(&self, height_m: f64) -> Vec<Segment> {
         match &self.shape {
             Shape::Mesh(mesh) if !self.closed => mesh.segments_at(height_m).collect(),
@@ -85,7 +85,7 @@ impl Object {
     }
 }
 
-/// Gives the connected regions that contours fill together (non-zero winding).
+/// Returns the connected regions that contours fill together (non-zero winding).
 pub(super) fn union(contours: &[Vec<Point>]) -> Vec<Region> {
     if contours.is_empty() {
         return Vec::new();

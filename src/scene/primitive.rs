@@ -30,7 +30,7 @@ pub(super) struct Solid {
     pub(super) extrusions: Vec<Extrusion>,
 }
 
-/// Gives the corners of a regular outline with the area of a circle, as (x, y) around the origin.
+/// Returns the corners of a regular outline with the area of a circle, as (x, y) around the origin.
 pub(super) fn round_outline(radius_m: f64, sides: usize) -> impl Iterator<Item = (f64, f64)> {
     let step = TAU / sides as f64;
     let reach_m = radius_m * (step / libm::sin(step)).sqrt();

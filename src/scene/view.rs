@@ -85,12 +85,12 @@ impl Camera {
         }
     }
 
-    /// Gives where the rays begin, metres.
+    /// Returns where the rays begin, metres.
     pub fn from(&self) -> [f64; 3] {
         self.from
     }
 
-    /// Gives the unit direction through a place of the picture: (0, 0) is its upper left corner, a pixel is 1 wide.
+    /// Returns the unit direction through a place of the picture: (0, 0) is its upper left corner, a pixel is 1 wide.
     pub fn direction(&self, x_px: f64, y_px: f64) -> [f64; 3] {
         let side = self.reach * (2.0 * x_px / self.columns - 1.0);
         let above = self.reach * (self.rows - 2.0 * y_px) / self.columns;
@@ -101,7 +101,7 @@ impl Camera {
 }
 
 impl Scene {
-    /// Gives what a ray meets first, with the light on it; `direction` is a unit vector.
+    /// Returns what a ray meets first, with the light on it; `direction` is a unit vector.
     pub fn seen(&self, from: [f64; 3], direction: [f64; 3]) -> Seen {
         let place = |distance_m: f64| add(from, direction.map(|part| part * distance_m));
         if let Some(hit) = self.cast(from, direction, FARTHEST_M) {
@@ -117,7 +117,7 @@ impl Scene {
         Seen::Sky { rise: direction[2] }
     }
 
-    /// Gives the light on a surface: from everywhere, a little more from above, and from the sun where it shines.
+    /// Returns the light on a surface: from everywhere, a little more from above, and from the sun where it shines.
     fn light(&self, at: Xyz, normal: Xyz) -> f64 {
         let around = AMBIENT + 0.08 * normal[2] - 0.05 * normal[0];
         let facing = dot(normal, SUN);

@@ -35,7 +35,7 @@ pub enum Up {
 }
 
 impl Up {
-    /// Gives the map from VRML coordinates to the local frame.
+    /// Returns the map from VRML coordinates to the local frame.
     fn map(self) -> Affine {
         match self {
             Up::Y => Affine::from_rows([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]]),
@@ -176,7 +176,7 @@ impl<'l> Reading<'l> {
         Err(last)
     }
 
-    /// Gives an address relative to the main file's folder for one relative to the file being read.
+    /// Returns an address relative to the main file's folder for one relative to the file being read.
     fn resolve(&self, url: &str) -> String {
         if url.starts_with('/') || url.contains(':') {
             return url.to_string();
@@ -224,7 +224,7 @@ fn check_header(text: &str) -> Result<(), Refusal> {
     Err(Refusal::at(1, format!("found `{shown}`; {EXPECTED}")))
 }
 
-/// Gives a vertex if it lies within the world that is worked with (1000 km around the origin).
+/// Returns a vertex if it lies within the world that is worked with (1000 km around the origin).
 pub(super) fn within_world(vertex: Xyz) -> bool {
     vertex.iter().all(|part| part.abs() <= 1e6)
 }

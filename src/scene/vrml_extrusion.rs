@@ -130,7 +130,7 @@ impl Body {
         Ok(Solid { mesh: Mesh::using(&points, &triangles), faces, extrusions: Vec::new() })
     }
 
-    /// Gives the straight body with equal convex ends, if it is one.
+    /// Returns the straight body with equal convex ends, if it is one.
     fn prism(&self, rings: &[Vec<Xyz>]) -> Option<Solid> {
         let ([begin, end], [from, to]) = (rings, self.spine.as_slice()) else { return None };
         let along = sub(*to, *from);
@@ -146,7 +146,7 @@ impl Body {
         Some(Solid { mesh, faces, extrusions: vec![primitive::Extrusion { ring, along }] })
     }
 
-    /// Gives the cross-section without its last point where that is the first again.
+    /// Returns the cross-section without its last point where that is the first again.
     fn outline(&self) -> &[[f64; 2]] {
         let is_ring = self.section.len() > 1 && self.section.first() == self.section.last();
         &self.section[..self.section.len() - usize::from(is_ring)]
@@ -171,7 +171,7 @@ impl Body {
         Ok(ears(outline))
     }
 
-    /// Gives the cross-section's places at every point of the spine.
+    /// Returns the cross-section's places at every point of the spine.
     fn rings(&self) -> Result<Vec<Vec<Xyz>>, String> {
         let axes = axes_along(&self.spine)?;
         let of = |index: usize, count: usize| if count == 1 { 0 } else { index };
@@ -192,7 +192,7 @@ impl Axes {
     }
 }
 
-/// Gives the cross-section's axes at every point of a spine; points at one place share them.
+/// Returns the cross-section's axes at every point of a spine; points at one place share them.
 fn axes_along(spine: &[Xyz]) -> Result<Vec<Axes>, String> {
     let mut places: Vec<Xyz> = Vec::new();
     let mut place_of = Vec::with_capacity(spine.len());
@@ -222,7 +222,7 @@ fn axes_along(spine: &[Xyz]) -> Result<Vec<Axes>, String> {
     Ok(place_of.into_iter().map(|place| axes[place]).collect())
 }
 
-/// Gives what lies before and after every place; around a closed spine the ends are neighbours.
+/// Returns what lies before and after every place; around a closed spine the ends are neighbours.
 fn neighbours(places: &[Xyz]) -> Vec<[Xyz; 2]> {
     let last = places.len() - 1;
     let is_closed = places.len() > 3 && places[0] == places[last];
@@ -246,7 +246,7 @@ fn straight_axes(along: Xyz) -> Axes {
     Axes { x: turn.turn([1.0, 0.0, 0.0]), y, z: turn.turn([0.0, 0.0, 1.0]) }
 }
 
-/// Gives a vector of length one; `None` when there is no direction in it.
+/// Returns a vector of length one; `None` when there is no direction in it.
 fn unit(vector: Xyz) -> Option<Xyz> {
     let length = dot(vector, vector).sqrt();
     (length > 1e-12).then(|| vector.map(|part| part / length))

@@ -73,7 +73,7 @@ impl<'a, 'r, 'l> Parser<'a, 'r, 'l> {
         }
     }
 
-    /// Skips PROTO, EXTERNPROTO and ROUTE statements; tells whether the word began one.
+    /// Skips PROTO, EXTERNPROTO and ROUTE statements; returns whether the word began one.
     pub(super) fn other_statement(&mut self, word: &str) -> Result<bool, Refusal> {
         if !matches!(word, "PROTO" | "EXTERNPROTO" | "ROUTE") {
             return Ok(false);
@@ -111,7 +111,7 @@ impl<'a, 'r, 'l> Parser<'a, 'r, 'l> {
         }
     }
 
-    /// Gives what a name stands for; refuses unknown names and names inside their own DEF.
+    /// Returns what a name stands for; refuses unknown names and names inside their own DEF.
     pub(super) fn named(&self, name: &str) -> Result<Named, Refusal> {
         match self.names.get(name) {
             Some(Named::Open) => Err(self.refuse(format!("USE of `{name}` inside its own DEF, without end"))),
@@ -257,7 +257,7 @@ impl<'a, 'r, 'l> Parser<'a, 'r, 'l> {
         Ok(children)
     }
 
-    /// Reads an axis and an angle; gives the rotation and its inverse.
+    /// Reads an axis and an angle; returns the rotation and its inverse.
     pub(super) fn rotation(&mut self, field: &str) -> Result<[Affine; 2], Refusal> {
         let axis = self.vector(field)?;
         let angle_rad = self.number(field)?;

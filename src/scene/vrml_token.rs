@@ -55,12 +55,12 @@ impl<'a> Tokens<'a> {
         Tokens { text, at, line_at: 1, ahead: None, line: 1 }
     }
 
-    /// Gives the line of the token read last (1 = first line).
+    /// Returns the line of the token read last (1 = first line).
     pub(super) fn line(&self) -> usize {
         self.line
     }
 
-    /// Gives the next token and steps over it.
+    /// Returns the next token and steps over it.
     pub(super) fn next(&mut self) -> Result<Token<'a>, Refusal> {
         let (token, line) = match self.ahead.take() {
             Some(ahead) => ahead,
@@ -70,7 +70,7 @@ impl<'a> Tokens<'a> {
         Ok(token)
     }
 
-    /// Gives the next token without stepping over it.
+    /// Returns the next token without stepping over it.
     pub(super) fn peek(&mut self) -> Result<Token<'a>, Refusal> {
         if self.ahead.is_none() {
             self.ahead = Some(self.read()?);
@@ -140,7 +140,7 @@ impl<'a> Tokens<'a> {
     }
 }
 
-/// Tells whether a byte cannot be part of a word (all of them are ASCII, so words end on a character).
+/// Returns whether a byte cannot be part of a word (all of them are ASCII, so words end on a character).
 fn ends_word(byte: u8) -> bool {
     matches!(byte, b' ' | b'\t' | b'\r' | b'\n' | b',' | b'#' | b'"' | b'{' | b'}' | b'[' | b']')
 }

@@ -87,7 +87,7 @@ struct Place {
 }
 
 impl Tree {
-    /// Adds a node whose children are there already, and gives its index.
+    /// Adds a node whose children are there already, and returns its index.
     pub(super) fn add(
         &mut self,
         name: Option<Arc<str>>,
@@ -124,7 +124,7 @@ impl Tree {
         children.iter().fold(alone, |sum, child| sum.with(self.nodes[*child].unfolded))
     }
 
-    /// Gives every shape below the roots in file order, placed by `map` and the transforms around it.
+    /// Returns every shape below the roots in file order, placed by `map` and the transforms around it.
     pub(super) fn shapes(&self, roots: &[usize], map: &Affine) -> Result<Vec<VrmlShape>, VrmlError> {
         let mut shapes = Vec::new();
         let root = |node: &usize| Place { node: *node, map: *map, names: Vec::new() };
@@ -164,7 +164,7 @@ fn placed(solid: &Solid, map: &Affine) -> Option<Shape> {
     Some(prism.unwrap_or(Shape::Mesh(mesh)))
 }
 
-/// Gives the prism that an extrusion becomes when its ring lies level and its length stands upright.
+/// Returns the prism that an extrusion becomes when its ring lies level and its length stands upright.
 fn upright(extrusion: &Extrusion, map: &Affine) -> Option<Shape> {
     let ring: Vec<Xyz> = extrusion.ring.iter().map(|corner| map.apply(*corner)).collect();
     let along = map.turn(extrusion.along);

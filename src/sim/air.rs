@@ -55,7 +55,7 @@ struct OnAir {
 }
 
 impl Air {
-    /// Begins to send a beacon; gives its number and when it ends, or `None` when it does not fit into a
+    /// Begins to send a beacon; returns its number and when it ends, or `None` when it does not fit into a
     /// frame: then it is not sent, and its sequence shows as a miss.
     pub fn begin(&mut self, now: Time, from: usize, place: Point, beacon: Beacon) -> Option<(u64, Time)> {
         let (channel, power_dbm) = (beacon.channel, beacon.power_dbm);
@@ -106,7 +106,7 @@ mod tests {
         Time::ZERO + Duration::from_millis(ms)
     }
 
-    /// Sends two beacons, the second later by `ms`; gives whether each was clear.
+    /// Sends two beacons, the second later by `ms`; returns whether each was clear.
     fn clear(ms: u64, channels: [u8; 2]) -> [bool; 2] {
         let mut air = Air::default();
         let (one, one_ends) = air.begin(at_ms(10), 0, Point::default(), beacon(1, 1, channels[0])).unwrap();

@@ -126,7 +126,7 @@ impl Autopilot {
         })
     }
 
-    /// Gives the same vehicle under way: armed, in GUIDED, home where it is, a copter hovering at this altitude, metres.
+    /// Returns the same vehicle under way: armed, in GUIDED, home where it is, a copter hovering at this altitude, metres.
     pub fn under_way(self, altitude_m: f64) -> Autopilot {
         let altitude_m = if self.settings.kind == Kind::Copter { altitude_m } else { 0.0 };
         Autopilot {
@@ -149,37 +149,37 @@ impl Autopilot {
         }
     }
 
-    /// Gives the next moment at which something happens by itself.
+    /// Returns the next moment at which something happens by itself.
     pub fn next_change(&self) -> Option<Time> {
         self.next_due().map(|(at, _)| at)
     }
 
-    /// Gives up to when everything that was due has happened.
+    /// Returns up to when everything that was due has happened.
     pub fn now(&self) -> Time {
         self.now
     }
 
-    /// Gives where it truly is at a moment, as far as its stage goes.
+    /// Returns where it truly is at a moment, as far as its stage goes.
     pub fn truth(&self, at: Time) -> BodyState {
         self.body.pose_at(at)
     }
 
-    /// Gives its body, as it moves in the plane.
+    /// Returns its body, as it moves in the plane.
     pub fn body(&self) -> &Body {
         &self.body
     }
 
-    /// Gives its change of altitude.
+    /// Returns its change of altitude.
     pub fn climb(&self) -> &Climb {
         &self.climb
     }
 
-    /// Gives its altitude above the ground at its start, metres.
+    /// Returns its altitude above the ground at its start, metres.
     pub fn altitude_m(&self, at: Time) -> f64 {
         self.climb.altitude_m(at)
     }
 
-    /// Gives how it lies.
+    /// Returns how it lies.
     pub fn attitude(&self, at: Time) -> Attitude {
         let state = self.truth(at);
         match self.settings.kind {
@@ -189,47 +189,47 @@ impl Autopilot {
         }
     }
 
-    /// Gives the believed place less the true one.
+    /// Returns the believed place less the true one.
     pub fn place_error(&self, at: Time) -> Vector {
         self.navigation.error(at)
     }
 
-    /// Gives a number that changes whenever its motion does.
+    /// Returns a number that changes whenever its motion does.
     pub fn motions(&self) -> u64 {
         self.motions
     }
 
-    /// Tells whether it neither moves nor turns nor climbs.
+    /// Returns whether it neither moves nor turns nor climbs.
     pub fn is_at_rest(&self, at: Time) -> bool {
         self.body.is_done(at) && self.climb.until() <= at
     }
 
-    /// Tells whether the motors have current.
+    /// Returns whether the motors have current.
     pub fn is_armed(&self) -> bool {
         self.is_armed
     }
 
-    /// Tells whether it stands on the ground.
+    /// Returns whether it stands on the ground.
     pub fn is_landed(&self, at: Time) -> bool {
         self.settings.kind == Kind::Rover || self.climb.altitude_m(at) <= LANDED_M
     }
 
-    /// Gives what it steers.
+    /// Returns what it steers.
     pub fn kind(&self) -> Kind {
         self.settings.kind
     }
 
-    /// Gives its mode.
+    /// Returns its mode.
     pub fn mode(&self) -> Mode {
         self.mode
     }
 
-    /// Gives the stored mission.
+    /// Returns the stored mission.
     pub fn items(&self) -> &[Item] {
         &self.items
     }
 
-    /// Gives the charge left, 0 to 1.
+    /// Returns the charge left, 0 to 1.
     pub fn battery(&self) -> f64 {
         self.charge
     }
@@ -256,7 +256,7 @@ impl Autopilot {
         self.motions += 1;
     }
 
-    /// Gives what it reports at a moment; call [`Autopilot::advance`] first.
+    /// Returns what it reports at a moment; call [`Autopilot::advance`] first.
     pub fn report(&self, now: Time) -> Readout {
         let truth = self.truth(now);
         let at = truth.at + self.place_error(now);
@@ -289,7 +289,7 @@ impl Autopilot {
         }
     }
 
-    /// Tells whether it knows its place.
+    /// Returns whether it knows its place.
     fn has_place(&self) -> bool {
         let is_known = self.navigation.sd_m(self.now) <= self.settings.place_sd_max_m;
         is_known && self.now >= Time::ZERO + self.settings.place_after

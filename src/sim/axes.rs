@@ -15,7 +15,7 @@ pub struct Axes {
 }
 
 impl Axes {
-    /// Gives the axes of a beam that lies in the plane of the vehicle, counter-clockwise from its nose.
+    /// Returns the axes of a beam that lies in the plane of the vehicle, counter-clockwise from its nose.
     pub fn of(attitude: Attitude, beam: Angle) -> Axes {
         if attitude.roll == Angle::ZERO && attitude.pitch == Angle::ZERO {
             let axis = Vector::polar(attitude.yaw + beam, 1.0);
@@ -30,7 +30,7 @@ impl Axes {
         }
     }
 
-    /// Gives the direction of a ray that is given against these axes.
+    /// Returns the direction of a ray that is given against these axes.
     pub fn along(&self, ray: [f64; 3]) -> [f64; 3] {
         let [ahead, left, up] = ray;
         std::array::from_fn(|axis| ahead * self.ahead[axis] + left * self.left[axis] + up * self.up[axis])

@@ -133,7 +133,7 @@ impl Body {
         self.follow(now, Course::new(state.at, state.heading));
     }
 
-    /// Gives place, heading and speed at a moment; before the last command, those at the command.
+    /// Returns place, heading and speed at a moment; before the last command, those at the command.
     pub fn pose_at(&self, at: Time) -> BodyState {
         let time_s = self.seconds(at);
         match self.phase_index(at) {
@@ -149,7 +149,7 @@ impl Body {
         }
     }
 
-    /// Gives the next moment after `after` at which the law of motion changes; `None` when it is at
+    /// Returns the next moment after `after` at which the law of motion changes; `None` when it is at
     /// rest for good.
     #[cfg(test)]
     pub fn next_change(&self, after: Time) -> Option<Time> {
@@ -159,28 +159,28 @@ impl Body {
             .find(|moment| *moment > after)
     }
 
-    /// Gives when the last command is done and the body at rest; `None` when that command moved nothing.
+    /// Returns when the last command is done and the body at rest; `None` when that command moved nothing.
     pub fn arrival(&self) -> Option<Time> {
         self.phases.last().map(|phase| self.moment(phase.end_s()))
     }
 
-    /// Gives where it will come to rest, and facing where, by the last command.
+    /// Returns where it will come to rest, and facing where, by the last command.
     #[cfg(test)]
     pub fn destination(&self) -> BodyState {
         self.rest
     }
 
-    /// Tells whether the last command is done: no motion and no turn any more.
+    /// Returns whether the last command is done: no motion and no turn any more.
     pub fn is_done(&self, at: Time) -> bool {
         self.arrival().is_none_or(|arrival| arrival <= at)
     }
 
-    /// Gives the way needed to brake from a speed to rest, metres.
+    /// Returns the way needed to brake from a speed to rest, metres.
     pub fn stopping_distance_m(&self, speed_mps: f64) -> f64 {
         self.limits.stopping_distance_m(speed_mps)
     }
 
-    /// Gives the limits of the drive.
+    /// Returns the limits of the drive.
     pub fn limits(&self) -> &Limits {
         &self.limits
     }

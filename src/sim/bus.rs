@@ -171,12 +171,12 @@ impl Bus {
         !self.model.partitions.iter().any(|partition| partition.cuts(now, a, b))
     }
 
-    /// Gives what every node has sent and was sent, ascending.
+    /// Returns what every node has sent and was sent, ascending.
     pub fn traffic(&self) -> &BTreeMap<NodeId, Traffic> {
         &self.traffic
     }
 
-    /// Gives the bytes that every node has sent of each kind, ascending.
+    /// Returns the bytes that every node has sent of each kind, ascending.
     pub fn sent_by_kind(&self) -> &BTreeMap<NodeId, BytesByKind> {
         &self.sent_by_kind
     }

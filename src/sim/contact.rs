@@ -32,7 +32,7 @@ pub struct Swept<'a> {
 }
 
 impl Swept<'_> {
-    /// Gives when a share of the segment (0 to 1) is covered, rounded down to a nanosecond.
+    /// Returns when a share of the segment (0 to 1) is covered, rounded down to a nanosecond.
     pub fn time_at(&self, share: f64) -> Time {
         let share = share.clamp(0.0, 1.0);
         let way_m = self.segment.length_m() * share;
@@ -51,7 +51,7 @@ impl Swept<'_> {
 }
 
 impl Body {
-    /// Gives the straight ways between two moments, in order; one for a leg without a bend, whatever
+    /// Returns the straight ways between two moments, in order; one for a leg without a bend, whatever
     /// its speed law. Nothing while it stands or turns.
     pub fn swept(&self, from: Time, until: Time) -> Vec<Swept<'_>> {
         self.phases_between(from, until)
@@ -72,7 +72,7 @@ impl Body {
         Swept { segment, from: begins.max(from), until: ends.min(until), body: self, phases: leg }
     }
 
-    /// Gives when the body first touches what stands, or `None` until `until`. `first_contact` casts
+    /// Returns when the body first touches what stands, or `None` until `until`. `first_contact` casts
     /// the body's disc along a segment and gives the share of the segment (0 to 1) at which it touches.
     pub fn contact_time(
         &self,
@@ -85,14 +85,14 @@ impl Body {
     }
 }
 
-/// Gives the first moment at which the middles of two bodies are no more than `distance_m` apart, or
+/// Returns the first moment at which the middles of two bodies are no more than `distance_m` apart, or
 /// `None` until `until`. Before the moment given they are surely further apart; at it they are within
 /// `distance_m` + [`TOLERANCE_M`].
 pub fn first_contact_of(a: &Body, b: &Body, from: Time, until: Time, distance_m: f64) -> Option<Time> {
     spans(a, b, from, until).into_iter().find_map(|span| span.first_within(distance_m))
 }
 
-/// Gives the smallest distance between the middles of two bodies between two moments, metres, and
+/// Returns the smallest distance between the middles of two bodies between two moments, metres, and
 /// when it is reached; within 0.2 mm of the true one, never below it.
 pub fn closest_approach(a: &Body, b: &Body, from: Time, until: Time) -> (f64, Time) {
     let start_m = a.pose_at(from).at.distance_to(b.pose_at(from).at);
@@ -103,7 +103,7 @@ pub fn closest_approach(a: &Body, b: &Body, from: Time, until: Time) -> (f64, Ti
     best
 }
 
-/// Gives when a body that climbs or sinks on the spot first touches what stands, or `None` until the climb is over.
+/// Returns when a body that climbs or sinks on the spot first touches what stands, or `None` until the climb is over.
 /// `touches` tells whether anything stands between two altitudes of the body's foot, metres.
 ///
 /// What is swept only grows, so the moment is found by halving, to a nanosecond.
@@ -127,7 +127,7 @@ pub fn climb_contact(climb: &Climb, from: Time, touches: &dyn Fn(f64, f64) -> bo
     Some(free)
 }
 
-/// Gives the times, from a moment on, in which two bodies of this height reach to the same altitudes.
+/// Returns the times, from a moment on, in which two bodies of this height reach to the same altitudes.
 pub fn overlaps(a: &Climb, b: &Climb, from: Time, height_m: f64) -> Vec<(Time, Time)> {
     let mut borders = vec![from];
     borders.extend([a.since, a.until(), b.since, b.until()].into_iter().filter(|at| *at > from));

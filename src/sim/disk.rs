@@ -53,7 +53,7 @@ impl Disk {
         }
     }
 
-    /// Gives what is kept after a place.
+    /// Returns what is kept after a place.
     pub fn recall(&self, after: Option<Place>) -> Recalled {
         let beyond = |place: &Place| after.is_none_or(|after| *place > after);
         let from = after.unwrap_or(Place { boot: Boot(0), run: RunId(0), sequence: 0 });

@@ -28,12 +28,12 @@ impl Faults {
         Faults { list }
     }
 
-    /// Tells whether a vehicle's radio is dead at a moment.
+    /// Returns whether a vehicle's radio is dead at a moment.
     pub fn cut_radio(&self, now: Time, vehicle: VehicleId) -> bool {
         self.hits(FaultKind::Radio, now, vehicle)
     }
 
-    /// Tells whether a vehicle's range sensor is dead at a moment.
+    /// Returns whether a vehicle's range sensor is dead at a moment.
     pub fn blind(&self, now: Time, vehicle: VehicleId) -> bool {
         self.hits(FaultKind::Sensor, now, vehicle)
     }
@@ -64,7 +64,7 @@ impl Faults {
         self.list.iter().flat_map(turns_of).filter(|(at, _)| *at < Time::NEVER).collect()
     }
 
-    /// Gives when which autopilots hear no satellites.
+    /// Returns when which autopilots hear no satellites.
     pub fn outages(&self) -> Vec<(VehicleId, Outage)> {
         let of_gps = self.list.iter().filter(|fault| fault.kind == FaultKind::Gps);
         of_gps

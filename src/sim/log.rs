@@ -21,7 +21,7 @@ impl Log {
         let _ = writeln!(self.text, "{now} {who} {what}");
     }
 
-    /// Gives the text.
+    /// Returns the text.
     pub fn text(&self) -> &str {
         &self.text
     }
@@ -32,7 +32,7 @@ impl Log {
     }
 }
 
-/// Gives a hash of an image's values in steps of 0.001 dB/m (FNV-1a), so that a log can hold all of it.
+/// Returns a hash of an image's values in steps of 0.001 dB/m (FNV-1a), so that a log can hold all of it.
 pub fn image_hash(image: &Image) -> u64 {
     hash(image.values.iter().map(|value| libm::round(*value * 1e3) as i64 as u64))
 }

@@ -19,14 +19,14 @@ pub struct Limits {
 }
 
 impl Limits {
-    /// Tells whether all limits are finite and at least 0.001 of their unit.
+    /// Returns whether all limits are finite and at least 0.001 of their unit.
     pub fn are_possible(&self) -> bool {
         [self.speed_mps, self.acceleration_mps2, self.braking_mps2, self.turn_rate_radps]
             .iter()
             .all(|limit| (0.001..1e6).contains(limit))
     }
 
-    /// Gives the way needed to brake from a speed to rest, metres.
+    /// Returns the way needed to brake from a speed to rest, metres.
     pub fn stopping_distance_m(&self, speed_mps: f64) -> f64 {
         stopping_distance_m(speed_mps, 0.0, self.braking_mps2)
     }

@@ -73,22 +73,22 @@ impl Noise {
         Noise { seed }
     }
 
-    /// Gives 64 well mixed bits.
+    /// Returns 64 well mixed bits.
     pub fn hash(&self, purpose: Purpose, ids: &[u64]) -> u64 {
         ids.iter().fold(fold(mix(self.seed), purpose as u64), |state, id| fold(state, *id))
     }
 
-    /// Gives a number evenly distributed in [0, 1).
+    /// Returns a number evenly distributed in [0, 1).
     pub fn uniform(&self, purpose: Purpose, ids: &[u64]) -> f64 {
         (self.hash(purpose, ids) >> 11) as f64 * (1.0 / (1u64 << 53) as f64)
     }
 
-    /// Gives a normally distributed number of mean 0 and standard deviation 1.
+    /// Returns a normally distributed number of mean 0 and standard deviation 1.
     pub fn gaussian(&self, purpose: Purpose, ids: &[u64]) -> f64 {
         normal_quantile(open_unit(self.hash(purpose, ids)))
     }
 
-    /// Gives a function of time that is normally distributed with mean 0 and standard deviation 1 at
+    /// Returns a function of time that is normally distributed with mean 0 and standard deviation 1 at
     /// every moment, twice differentiable, and correlated with itself by one half after `correlation`
     /// and not at all after four times that.
     ///

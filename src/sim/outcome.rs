@@ -168,7 +168,7 @@ impl Outcome {
         pictures.remove(index).result.ok()
     }
 
-    /// Gives the bytes that all nodes sent over the bus, by kind of message.
+    /// Returns the bytes that all nodes sent over the bus, by kind of message.
     pub fn bus_bytes_by_kind(&self) -> BytesByKind {
         let mut all = BytesByKind::new();
         for (kind, bytes) in self.bus_bytes.values().flatten() {
@@ -177,7 +177,7 @@ impl Outcome {
         all
     }
 
-    /// Gives how much a vehicle sent over the bus, bytes a second, the mean over all vehicles. A message counts
+    /// Returns how much a vehicle sent over the bus, bytes a second, the mean over all vehicles. A message counts
     /// once, however many receive it.
     pub fn bus_bytes_per_vehicle_s(&self) -> f64 {
         let of_vehicle = |(node, sent): (&NodeId, &BytesByKind)| match node {
@@ -188,7 +188,7 @@ impl Outcome {
         bytes as f64 / self.simulated.as_secs_f64().max(1e-9) / self.tracks.len().max(1) as f64
     }
 
-    /// Gives the objects found in the picture of changes, strongest first.
+    /// Returns the objects found in the picture of changes, strongest first.
     pub fn found(&self) -> Vec<Found> {
         let Some(change) = &self.change else { return Vec::new() };
         let strongest = change.peaks.first().map_or(0.0, |peak| peak.strength);

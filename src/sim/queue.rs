@@ -44,17 +44,17 @@ impl<E> EventQueue<E> {
         self.heap.pop().map(|entry| (entry.at, entry.event))
     }
 
-    /// Gives when the earliest event is to come.
+    /// Returns when the earliest event is to come.
     pub fn next_at(&self) -> Option<Time> {
         self.heap.peek().map(|entry| entry.at)
     }
 
-    /// Gives the number of events still to come.
+    /// Returns the number of events still to come.
     pub fn len(&self) -> usize {
         self.heap.len()
     }
 
-    /// Tells whether nothing is to come.
+    /// Returns whether nothing is to come.
     pub fn is_empty(&self) -> bool {
         self.heap.is_empty()
     }

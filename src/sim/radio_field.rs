@@ -89,12 +89,12 @@ impl RadioField {
         }
     }
 
-    /// Gives the constants.
+    /// Returns the constants.
     pub fn constants(&self) -> &RadioConstants {
         &self.constants
     }
 
-    /// Gives the static fading between two places, dB, of mean power 1; the same both ways, bit for bit.
+    /// Returns the static fading between two places, dB, of mean power 1; the same both ways, bit for bit.
     pub fn fading_db(&self, p: Point, q: Point, channel: u8) -> f64 {
         let waves = self.channels[usize::from(channel)]
             .get_or_init(|| Box::new(Waves::new(self.noise, channel, self.constants.wavelength_m)));
@@ -104,7 +104,7 @@ impl RadioField {
         10.0 * libm::log10((re * re + im * im).max(1e-12))
     }
 
-    /// Gives the strength without packet noise, dBm: power and path loss, less `attenuation_db`, with
+    /// Returns the strength without packet noise, dBm: power and path loss, less `attenuation_db`, with
     /// fading.
     pub fn mean_dbm(&self, packet: &Transmission, attenuation_db: f64) -> f64 {
         let distance_m = packet.from.distance_to(packet.to).max(NEAREST_M);
@@ -114,7 +114,7 @@ impl RadioField {
             + self.fading_db(packet.from, packet.to, packet.channel)
     }
 
-    /// Gives the strength that the receiver reports, dBm in whole steps, or `None` when the packet is
+    /// Returns the strength that the receiver reports, dBm in whole steps, or `None` when the packet is
     /// lost. `ids` name the packet and its receiver; the same ids give the same noise.
     pub fn received(&self, packet: &Transmission, attenuation_db: f64, ids: &[u64]) -> Option<i16> {
         let Self { noise, constants, .. } = self;

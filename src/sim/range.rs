@@ -124,17 +124,17 @@ impl RangeSensor {
         }
     }
 
-    /// Gives what the sensor can do.
+    /// Returns what the sensor can do.
     pub fn model(&self) -> &RangeModel {
         &self.model
     }
 
-    /// Gives how long it takes until an echo from `range_m` is heard, or until none is waited for any longer.
+    /// Returns how long it takes until an echo from `range_m` is heard, or until none is waited for any longer.
     pub fn takes(&self, range_m: Option<f64>) -> Duration {
         Duration::from_secs_f64(2.0 * range_m.unwrap_or(self.model.max_m) / SOUND_MPS)
     }
 
-    /// Gives the distance read by a sensor that lies level, along `beam` (local frame): see [`RangeSensor::echo_at`].
+    /// Returns the distance read by a sensor that lies level, along `beam` (local frame): see [`RangeSensor::echo_at`].
     pub fn echo(
         &self,
         origin: [f64; 3],
@@ -147,7 +147,7 @@ impl RangeSensor {
         self.echo_at(&eye, around, noise, ids)
     }
 
-    /// Gives the distance read, along the beam, metres, or `None` without an echo. `ids` name the reading; the same ids
+    /// Returns the distance read, along the beam, metres, or `None` without an echo. `ids` name the reading; the same ids
     /// give the same error.
     pub fn echo_at(&self, eye: &Eye, around: Surroundings<'_>, noise: &Noise, ids: &[u64]) -> Option<f64> {
         let model = &self.model;
@@ -222,7 +222,7 @@ impl RangeSensor {
 }
 
 impl Disc {
-    /// Gives the distance along a ray (unit vector) to its side or one of its ends, metres; 0 from inside.
+    /// Returns the distance along a ray (unit vector) to its side or one of its ends, metres; 0 from inside.
     fn cast(&self, origin: [f64; 3], along: [f64; 3]) -> Option<f64> {
         let (from_m, until_m) = self.crossed(origin, along)?;
         let (low_m, high_m) = (self.low_m - origin[2], self.high_m - origin[2]);

@@ -409,7 +409,7 @@ impl Scenario {
         )
     }
 
-    /// Says what was expected and is not so at the end.
+    /// Returns what was expected and is not so at the end.
     fn unmet(&self, record: &Recorder, judge: &Judge) -> Option<String> {
         let alive = record.alive;
         match self.sim.expect {

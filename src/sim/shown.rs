@@ -48,7 +48,7 @@ impl Shows {
         Shows { every, next: Time::ZERO + every }
     }
 
-    /// Tells whether it is time, and then waits for the next one.
+    /// Returns whether it is time, and then waits for the next one.
     pub fn is_due(&mut self, now: Time) -> bool {
         let is_due = now >= self.next;
         if is_due {

@@ -27,7 +27,7 @@ pub fn build(file: &SceneFile, shapes: &[VrmlShape], persons: &[Person]) -> Resu
     }
 }
 
-/// Gives a person of a scene file.
+/// Returns a person of a scene file.
 pub fn person(person: &config::Person) -> Person {
     let config::Person { name, at, radius_m, height_m, db_per_m } = person.clone();
     Person { name, at, radius_m, height_m, db_per_m }

@@ -117,22 +117,22 @@ impl Surface {
         }
     }
 
-    /// Gives the cells, ascending.
+    /// Returns the cells, ascending.
     pub fn cells(&self) -> impl Iterator<Item = Cell> + '_ {
         self.cells.keys().copied()
     }
 
-    /// Gives the number of cells.
+    /// Returns the number of cells.
     pub fn len(&self) -> usize {
         self.cells.len()
     }
 
-    /// Tells whether nothing stands there.
+    /// Returns whether nothing stands there.
     pub fn is_empty(&self) -> bool {
         self.cells.is_empty()
     }
 
-    /// Gives those of some cells that can be seen from places.
+    /// Returns those of some cells that can be seen from places.
     pub fn seen_from(
         &self,
         scene: &Scene,
@@ -211,17 +211,17 @@ impl Places {
         sorted
     }
 
-    /// Gives the number of places.
+    /// Returns the number of places.
     pub fn len(&self) -> usize {
         self.count
     }
 
-    /// Tells whether there are none.
+    /// Returns whether there are none.
     pub fn is_empty(&self) -> bool {
         self.count == 0
     }
 
-    /// Gives all places in the squares that touch a circle's bounding square.
+    /// Returns all places in the squares that touch a circle's bounding square.
     fn near(&self, centre: Point, radius_m: f64) -> impl Iterator<Item = Point> + '_ {
         let squares = Lattice::new(BUCKET_M);
         let reach = Vector::new(radius_m, radius_m);
@@ -232,12 +232,12 @@ impl Places {
     }
 }
 
-/// Gives the place of a step.
+/// Returns the place of a step.
 fn place_of(step: Cell) -> Point {
     Point::new(f64::from(step.x) * PITCH_M, f64::from(step.y) * PITCH_M)
 }
 
-/// Gives the step nearest to a point, unless it lies absurdly far out.
+/// Returns the step nearest to a point, unless it lies absurdly far out.
 fn step_at(point: Point) -> Option<Cell> {
     let index = |metres: f64| libm::round(metres / PITCH_M);
     let (x, y) = (index(point.x_m), index(point.y_m));
@@ -271,7 +271,7 @@ impl Flood<'_> {
         free
     }
 
-    /// Gives by how much a place keeps more than its distance; negative where it does not.
+    /// Returns by how much a place keeps more than its distance; negative where it does not.
     fn slack_m(&self, at: Point) -> f64 {
         let Room { keep_m, low_m, high_m } = self.room;
         let to_edge_m = self.fence.distance_to_edge(at);
@@ -322,7 +322,7 @@ impl<'a> Eye<'a> {
             && self.hears_it_first(place, along, distance_m)
     }
 
-    /// Tells whether some cone that holds a direction gives no echo nearer than so far.
+    /// Returns whether some cone that holds a direction gives no echo nearer than so far.
     fn hears_it_first(&self, place: Point, along: Vector, distance_m: f64) -> bool {
         let answers = |beside: Vector| {
             let ray = Vector::new(
@@ -341,7 +341,7 @@ impl<'a> Eye<'a> {
         (-steps..=0).rev().any(quiet)
     }
 
-    /// Gives the cosine of the angle at which a ray meets the first surface nearer than so far.
+    /// Returns the cosine of the angle at which a ray meets the first surface nearer than so far.
     fn hit(&self, from: Point, along: Vector, within_m: f64) -> Option<f64> {
         let hit = self.scene.cast(
             [from.x_m, from.y_m, self.sight.height_m],
@@ -379,7 +379,7 @@ impl Visible {
         Visible { surface, cells, places: places.len() }
     }
 
-    /// Gives the visible cells that were in range, unobstructed, along tracks that were driven.
+    /// Returns the visible cells that were in range, unobstructed, along tracks that were driven.
     pub fn along<'a>(
         &self,
         scene: &Scene,
@@ -390,7 +390,7 @@ impl Visible {
     }
 }
 
-/// Gives how many of some cells a map has detected: occupied there, or in a cell beside or diagonal to it.
+/// Returns how many of some cells a map has detected: occupied there, or in a cell beside or diagonal to it.
 pub fn detected(map: &Merged, slice: i16, cells: &BTreeSet<Cell>) -> usize {
     let Some(extent) = map.extent(slice) else { return 0 };
     let view = map.view(slice, extent);
@@ -401,7 +401,7 @@ pub fn detected(map: &Merged, slice: i16, cells: &BTreeSet<Cell>) -> usize {
     cells.iter().filter(is_near).count()
 }
 
-/// Gives how many cells of a map are occupied.
+/// Returns how many cells of a map are occupied.
 pub fn occupied(map: &Merged, slice: i16) -> usize {
     let Some(CellRect { low, high }) = map.extent(slice) else { return 0 };
     let view = map.view(slice, CellRect { low, high });
@@ -413,7 +413,7 @@ fn is_occupied(view: &View<'_>, cell: Cell) -> bool {
     view.occupancy(cell) == Occupancy::Occupied
 }
 
-/// Gives the smallest distance between bodies that drove along tracks and the scene, metres: from the body's side,
+/// Returns the smallest distance between bodies that drove along tracks and the scene, metres: from the body's side,
 /// negative inside something; `None` when there is nothing. `others` gives what else stands there, as a distance from a
 /// place.
 pub fn least_clearance_m<'a>(

@@ -88,7 +88,7 @@ pub struct Collision {
 }
 
 impl Collision {
-    /// Says who touched what, when and where.
+    /// Returns who touched what, when and where.
     pub fn in_words(&self) -> String {
         let with = self.with.map_or("the scene".to_owned(), |peer| format!("vehicle {peer}"));
         let (after_s, at) = (self.at.as_secs_f64(), self.place);
@@ -190,23 +190,23 @@ impl World {
         }
     }
 
-    /// Gives every vehicle these range sensors, in place of a single one that looks anywhere at once.
+    /// Returns every vehicle these range sensors, in place of a single one that looks anywhere at once.
     pub fn with_mounts(self, mounts: Mounts) -> World {
         World { mounts, ..self }
     }
 
-    /// Says whether its vehicles fly; those that are put into it from now on.
+    /// Returns whether its vehicles fly; those that are put into it from now on.
     pub fn with_flying(self, flying: Flying) -> World {
         World { flying, ..self }
     }
 
-    /// Says when vehicles hear no satellites, and by how much the deviation of their place grows then, m/s; for those
+    /// Returns when vehicles hear no satellites, and by how much the deviation of their place grows then, m/s; for those
     /// that are put into it from now on.
     pub fn with_outages(self, outages: Vec<(VehicleId, Outage)>, growth_mps: f64) -> World {
         World { outages, growth_mps, ..self }
     }
 
-    /// Gives the range sensors of a vehicle.
+    /// Returns the range sensors of a vehicle.
     pub fn mounts(&self) -> &Mounts {
         &self.mounts
     }
@@ -246,7 +246,7 @@ impl World {
         }
     }
 
-    /// Changes what stands in the world; gives the contacts that motion under way now leads to.
+    /// Changes what stands in the world; returns the contacts that motion under way now leads to.
     pub fn set_stage(&mut self, stage: Stage, now: Time) -> Vec<PredictedContact> {
         self.stage = stage;
         // The motion stays, but contacts foreseen with the old stage are void.
@@ -254,27 +254,27 @@ impl World {
         (0..self.crafts.len()).flat_map(|vehicle| self.touches(vehicle, now)).collect()
     }
 
-    /// Gives how many vehicles there are.
+    /// Returns how many vehicles there are.
     pub fn vehicles(&self) -> usize {
         self.crafts.len()
     }
 
-    /// Gives the id of a vehicle.
+    /// Returns the id of a vehicle.
     pub fn id(&self, vehicle: usize) -> VehicleId {
         self.crafts[vehicle].id
     }
 
-    /// Gives where a vehicle truly is.
+    /// Returns where a vehicle truly is.
     pub fn truth(&self, vehicle: usize, now: Time) -> BodyState {
         self.crafts[vehicle].autopilot.truth(now)
     }
 
-    /// Gives all contacts so far.
+    /// Returns all contacts so far.
     pub fn collisions(&self) -> &[Collision] {
         &self.collisions
     }
 
-    /// Gives how many commands led a body over the fence.
+    /// Returns how many commands led a body over the fence.
     pub fn fence_breaches(&self) -> usize {
         self.fence_breaches
     }
@@ -320,7 +320,7 @@ impl World {
         }
     }
 
-    /// Gives the contacts that follow from what autopilots did by themselves, since the last call.
+    /// Returns the contacts that follow from what autopilots did by themselves, since the last call.
     pub fn foreseen(&mut self) -> Vec<PredictedContact> {
         std::mem::take(&mut self.foreseen)
     }
@@ -357,7 +357,7 @@ impl World {
         }
     }
 
-    /// Gives the contacts that the present motion of a vehicle leads to.
+    /// Returns the contacts that the present motion of a vehicle leads to.
     pub fn touches(&self, vehicle: usize, now: Time) -> Vec<PredictedContact> {
         let craft = &self.crafts[vehicle];
         let one = (vehicle, craft.commands);
@@ -429,7 +429,7 @@ impl World {
         }
     }
 
-    /// Gives the smallest distance between the middles of two vehicles so far, metres; infinite for one alone.
+    /// Returns the smallest distance between the middles of two vehicles so far, metres; infinite for one alone.
     pub fn min_separation_m(&mut self, now: Time) -> f64 {
         for vehicle in 0..self.crafts.len() {
             self.judge(vehicle, now);
@@ -437,7 +437,7 @@ impl World {
         self.min_separation_m
     }
 
-    /// Gives what the range sensor reads when it looks along a beam (relative to the heading).
+    /// Returns what the range sensor reads when it looks along a beam (relative to the heading).
     pub fn range_m(&self, vehicle: usize, now: Time, beam: Angle, number: u64) -> Option<f64> {
         let craft = &self.crafts[vehicle];
         let truth = craft.autopilot.truth(now);
@@ -462,13 +462,13 @@ impl World {
         Disc { centre: autopilot.truth(now).at, radius_m, low_m, high_m: low_m + height_m.max(sensor_m) }
     }
 
-    /// Gives what the range sensor reads, and after which time.
+    /// Returns what the range sensor reads, and after which time.
     pub fn echo(&self, vehicle: usize, now: Time, beam: Angle, number: u64) -> (Option<f64>, Duration) {
         let range_m = self.range_m(vehicle, now, beam, number);
         (range_m, self.sensor.takes(range_m))
     }
 
-    /// Gives how strongly a beacon is heard, dBm; `None` when it is lost. Packet noise depends on the beacon
+    /// Returns how strongly a beacon is heard, dBm; `None` when it is lost. Packet noise depends on the beacon
     /// and the receiver alone.
     pub fn received_dbm(&self, sent: &Sent, to: usize, now: Time) -> Option<i16> {
         let receiver = &self.crafts[to];

@@ -80,7 +80,7 @@ pub enum StoreError {
 }
 
 impl StoreError {
-    /// Gives the words for what the database said about a file.
+    /// Returns the words for what the database said about a file.
     pub(super) fn of(path: &Path, source: rusqlite::Error) -> StoreError {
         let path = path.to_owned();
         let reason = source.to_string();

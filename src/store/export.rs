@@ -40,7 +40,7 @@ pub fn sample_line(text: &mut String, stored: &StoredSample) {
     );
 }
 
-/// Gives a moment in UTC as ISO 8601 with milliseconds ("2026-11-20T09:05:00.250Z"); empty for what is no time.
+/// Returns a moment in UTC as ISO 8601 with milliseconds ("2026-11-20T09:05:00.250Z"); empty for what is no time.
 pub fn utc_text(utc_s: f64) -> String {
     let millis = (utc_s * 1e3).round();
     if !(0.0..253_402_300_800_000.0).contains(&millis) {
@@ -54,7 +54,7 @@ pub fn utc_text(utc_s: f64) -> String {
     format!("{year:04}-{month:02}-{day:02}T{hour:02}:{minute:02}:{second:02}.{milli:03}Z")
 }
 
-/// Gives the date of a day counted from 1970-01-01 (Hinnant, "chrono-compatible low-level date algorithms").
+/// Returns the date of a day counted from 1970-01-01 (Hinnant, "chrono-compatible low-level date algorithms").
 fn civil(days: u64) -> (u64, u64, u64) {
     let shifted = days + 719_468;
     let (era, of_era) = (shifted / 146_097, shifted % 146_097);
@@ -120,7 +120,7 @@ impl Features {
         }
     }
 
-    /// Gives the file.
+    /// Returns the file.
     pub fn text(self) -> String {
         format!("{}\n", json!({"type": "FeatureCollection", "features": self.list}))
     }

@@ -121,12 +121,12 @@ impl GroundStore {
         Ok(store)
     }
 
-    /// Gives the store's id: drawn when it was made, and kept.
+    /// Returns the store's id: drawn when it was made, and kept.
     pub fn id(&self) -> u64 {
         self.id
     }
 
-    /// Gives the file.
+    /// Returns the file.
     pub fn path(&self) -> &Path {
         &self.path
     }
@@ -170,7 +170,7 @@ impl GroundStore {
         Ok(())
     }
 
-    /// Stores batches of samples, each sample once; gives how many were new.
+    /// Stores batches of samples, each sample once; returns how many were new.
     ///
     /// # Errors
     /// [`StoreError`]: nothing of the batches is stored; do not acknowledge them.
@@ -367,7 +367,7 @@ impl GroundStore {
     }
 }
 
-/// Gives the name of a picture's kind.
+/// Returns the name of a picture's kind.
 pub(super) fn kind_name(subject: Subject) -> &'static str {
     match subject {
         Subject::Change => "change",

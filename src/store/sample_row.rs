@@ -15,12 +15,12 @@ pub(super) const NAMES: &str = "sequence, heard_at_s, transmitter, tx_x_m, tx_y_
 /// How many they are.
 pub(super) const COUNT: usize = 16;
 
-/// Gives so many question marks.
+/// Returns so many question marks.
 pub(super) fn marks(count: usize) -> String {
     vec!["?"; count].join(", ")
 }
 
-/// Gives when a sample was heard, seconds of the receiver's clock.
+/// Returns when a sample was heard, seconds of the receiver's clock.
 pub(super) fn heard_at_s(sample: &Sample) -> f64 {
     sample.heard_at_ns as f64 / 1e9
 }

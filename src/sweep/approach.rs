@@ -83,7 +83,7 @@ pub(super) fn check_fleet(ring: &Ring, fleet: Fleet<'_>) -> Result<(), SweepErro
 }
 
 /// Plans the approach to slots that lie `offsets` (ascending from 0, steps) ahead of the rearmost
-/// vehicle's; gives the walks from the rearmost vehicle forward.
+/// vehicle's; returns the walks from the rearmost vehicle forward.
 ///
 /// Every vehicle drives straight to the ring position nearest to it, then forward along the ring. The
 /// foremost goes first. Of all places for the rearmost slot, and all choices of who is rearmost, the

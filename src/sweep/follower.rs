@@ -211,12 +211,12 @@ impl Follower {
         }
     }
 
-    /// Gives the next leg, if it may be entered now.
+    /// Returns the next leg, if it may be entered now.
     pub fn next_leg(&self) -> Option<&Stop> {
         self.may_enter(0)
     }
 
-    /// Gives the leg `ahead` legs behind the last one entered (0 = the next), if it and all before it
+    /// Returns the leg `ahead` legs behind the last one entered (0 = the next), if it and all before it
     /// may be entered now without a dwell between.
     ///
     /// What it says stays true until a plan of a newer revision is offered.
@@ -247,7 +247,7 @@ impl Follower {
         missing.map(|(vehicle, stop)| WaitsFor::Stop { vehicle: *vehicle, stop: *stop })
     }
 
-    /// Says why no leg may be entered now; `None` when [`Follower::next_leg`] gives one.
+    /// Returns why no leg may be entered now; `None` when [`Follower::next_leg`] gives one.
     pub fn waits_for(&self) -> Option<WaitsFor> {
         let Some(adopted) = &self.adopted else {
             let revision = self.newer_revision();
@@ -309,7 +309,7 @@ impl Follower {
         Ok(())
     }
 
-    /// Gives when the dwell ends, if the vehicle dwells.
+    /// Returns when the dwell ends, if the vehicle dwells.
     pub fn deadline(&self) -> Option<Deadline> {
         let adopted = self.adopted.as_ref()?;
         let dwell = adopted.dwell.as_ref()?;
@@ -329,7 +329,8 @@ impl Follower {
         true
     }
 
-    /// Gives the progress to publish (its boot is for the caller to fill in), on change and again and again, also before any plan is there.
+    /// Returns the progress to publish, on change and again and again, also before any plan is there; its boot is for the
+    /// caller to fill in.
     pub fn progress(&self) -> VehicleProgress {
         let nothing = VehicleProgress { vehicle: self.vehicle, ..VehicleProgress::default() };
         let Some(adopted) = &self.adopted else { return nothing };
@@ -340,7 +341,7 @@ impl Follower {
         VehicleProgress { run, revision, done, leg, ..nothing }
     }
 
-    /// Tells whether every stop of the revision followed is done and no newer revision is known.
+    /// Returns whether every stop of the revision followed is done and no newer revision is known.
     pub fn finished(&self) -> bool {
         let ended = |adopted: &Adopted| adopted.done >= adopted.stops().len();
         self.newer_revision().is_none() && self.adopted.as_ref().is_some_and(ended)
@@ -351,23 +352,23 @@ impl Follower {
         self.adopted.as_ref().map_or((0, 0), |adopted| (adopted.done, adopted.stops().len()))
     }
 
-    /// Gives the own plan of the revision followed.
+    /// Returns the own plan of the revision followed.
     pub fn plan(&self) -> Option<&Plan> {
         self.adopted.as_ref().map(|adopted| &adopted.plans[adopted.own])
     }
 
-    /// Gives the plans of all members of the revision followed; none before the first.
+    /// Returns the plans of all members of the revision followed; none before the first.
     pub fn plans(&self) -> &[Plan] {
         self.adopted.as_ref().map_or(&[], |adopted| &adopted.plans)
     }
 
-    /// Gives the stops whose legs are entered and which are not done, the first the one driven to (or
+    /// Returns the stops whose legs are entered and which are not done, the first the one driven to (or
     /// dwelt at).
     pub fn entered(&self) -> &[Stop] {
         self.adopted.as_ref().map_or(&[], |adopted| &adopted.stops()[adopted.done..adopted.entered])
     }
 
-    /// Gives why the newest revision is not followed, if it was refused.
+    /// Returns why the newest revision is not followed, if it was refused.
     pub fn refusal(&self) -> Option<&Refusal> {
         self.refusal.as_ref()
     }

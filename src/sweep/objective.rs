@@ -43,12 +43,12 @@ impl LinkSetQuality {
         quality
     }
 
-    /// Gives the first objective: the more often pixels are seen, the smaller.
+    /// Returns the first objective: the more often pixels are seen, the smaller.
     pub fn coverage(&self) -> f64 {
         -(self.incidences as f64)
     }
 
-    /// Gives the second objective: `share` (0 to 1) of the links' length and the rest of the vehicles' ways, metres.
+    /// Returns the second objective: `share` (0 to 1) of the links' length and the rest of the vehicles' ways, metres.
     pub fn effort_m(&self, travel_m: f64, share: f64) -> f64 {
         share * self.links_length_m + (1.0 - share) * travel_m
     }

@@ -3,7 +3,7 @@
 
 use std::cmp::Ordering;
 
-/// Gives the layers of candidates, by index and ascending in each: the first is beaten by nobody, the second only by
+/// Returns the layers of candidates, by index and ascending in each: the first is beaten by nobody, the second only by
 /// members of the first, and so on.
 ///
 /// One candidate beats another when it is nowhere worse and somewhere better; what is no number is worse than all.
@@ -24,14 +24,14 @@ pub fn non_dominated_layers<const N: usize>(objectives: &[[f64; N]]) -> Vec<Vec<
     layers
 }
 
-/// Tells whether `a` is nowhere worse than `b` and somewhere better.
+/// Returns whether `a` is nowhere worse than `b` and somewhere better.
 pub fn dominates<const N: usize>(a: &[f64; N], b: &[f64; N]) -> bool {
     let mut orders = a.iter().zip(b).map(|(a, b)| ordered(*a, *b));
     let is_nowhere_worse = orders.clone().all(|order| order != Ordering::Greater);
     is_nowhere_worse && orders.any(|order| order == Ordering::Less)
 }
 
-/// Gives how much of the dominated area each member of a layer adds alone, in the order given: the area between its
+/// Returns how much of the dominated area each member of a layer adds alone, in the order given: the area between its
 /// neighbours' values. The best of either objective add an infinite area, so that they are never the ones to drop.
 ///
 /// The members must not dominate each other. A member that equals another one adds nothing.

@@ -100,23 +100,23 @@ impl Pattern {
         Ok(Pattern { kind, side: size - 1 })
     }
 
-    /// Gives which pattern it is.
+    /// Returns which pattern it is.
     pub fn kind(&self) -> PatternKind {
         self.kind
     }
 
-    /// Gives the number of points along a side.
+    /// Returns the number of points along a side.
     pub fn size(&self) -> usize {
         self.side + 1
     }
 
-    /// Gives where the first and the second vehicle begin: on the south-west corner, and on the south side (beside
+    /// Returns where the first and the second vehicle begin: on the south-west corner, and on the south side (beside
     /// the first for the calibration, else on the south-east corner).
     pub fn start(&self) -> [LatticePoint; 2] {
         self.start_places().map(|place| self.point(place))
     }
 
-    /// Gives how many rounds of equally many steps it has: for the calibration one drive of either vehicle, else what is
+    /// Returns how many rounds of equally many steps it has: for the calibration one drive of either vehicle, else what is
     /// repeated for each side.
     pub fn round_count(&self) -> usize {
         match self.kind {
@@ -125,12 +125,12 @@ impl Pattern {
         }
     }
 
-    /// Gives how many steps it takes, the start not counted.
+    /// Returns how many steps it takes, the start not counted.
     pub fn step_count(&self) -> usize {
         self.round_count() * self.round(0).iter().map(|piece| piece.steps).sum::<usize>()
     }
 
-    /// Gives where the first and the second vehicle are after each step.
+    /// Returns where the first and the second vehicle are after each step.
     pub fn steps(&self) -> impl Iterator<Item = [LatticePoint; 2]> + use<> {
         let pattern = *self;
         let pieces = (0..self.round_count()).flat_map(move |round| pattern.round(round));
@@ -141,7 +141,7 @@ impl Pattern {
         })
     }
 
-    /// Gives where a point of this pattern lies when the lattice is laid over an area: its corners on the corners.
+    /// Returns where a point of this pattern lies when the lattice is laid over an area: its corners on the corners.
     pub fn place(&self, point: LatticePoint, area: Rect) -> Point {
         let share = |steps: usize| steps as f64 / self.side as f64;
         let x_m = area.min.x_m + share(point.east) * area.width_m();
@@ -188,7 +188,7 @@ impl Pattern {
     }
 }
 
-/// Gives the square of one vehicle around a point: north-west, north-east, south-east, south-west and north-west again.
+/// Returns the square of one vehicle around a point: north-west, north-east, south-east, south-west and north-west again.
 ///
 /// # Errors
 /// [`PatternError::Side`] when the side is not a length above 0.

@@ -77,7 +77,7 @@ fn check(pattern: &Pattern, request: &PatternRequest) -> Result<[(VehicleId, Poi
     Ok([one, other])
 }
 
-/// Gives how many steps the vehicle takes that moves more.
+/// Returns how many steps the vehicle takes that moves more.
 fn most_moves(pattern: &Pattern) -> usize {
     let (mut moves, mut before) = ([0; 2], pattern.start());
     for now in pattern.steps() {
@@ -176,7 +176,7 @@ impl Step<'_> {
         self.before[which] != self.now[which]
     }
 
-    /// Tells whether a vehicle leaves the point that the other one enters in this step.
+    /// Returns whether a vehicle leaves the point that the other one enters in this step.
     fn hands_over(&self, which: usize) -> bool {
         self.moves(which) && self.before[which] == self.now[1 - which]
     }
@@ -267,7 +267,7 @@ mod tests {
         pattern.steps().map(|[a, b]| [a.min(b), a.max(b)]).collect()
     }
 
-    /// Drives plans leg after leg, whoever may go next being chosen by a list of numbers; gives for each stay the points
+    /// Drives plans leg after leg, whoever may go next being chosen by a list of numbers; returns for each stay the points
     /// of both vehicles.
     fn driven(sweep: &Sweep, pattern: &Pattern, area: Rect, choices: &[u8]) -> BTreeSet<[LatticePoint; 2]> {
         let border: Vec<LatticePoint> =

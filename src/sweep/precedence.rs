@@ -12,7 +12,7 @@ use tomoswarm_proto::{Plan, Stop, StopId, VehicleId};
 use super::PlanError;
 use crate::geom::{Point, Track};
 
-/// Gives the track of every leg of a plan: the first from its start to the first stop.
+/// Returns the track of every leg of a plan: the first from its start to the first stop.
 pub fn tracks_of(plan: &Plan) -> Vec<Track> {
     let mut from = Point::from(plan.start);
     let mut tracks = Vec::with_capacity(plan.stops.len());
@@ -181,7 +181,7 @@ pub(super) fn resolve_after(plans: &[Plan]) -> Result<Vec<Vec<Vec<StopIndex>>>, 
         .collect()
 }
 
-/// Gives all stops in an order in which each comes after everything it waits for (Kahn 1962).
+/// Returns all stops in an order in which each comes after everything it waits for (Kahn 1962).
 pub(super) fn topological_order(plans: &[Plan]) -> Result<Vec<StopIndex>, PlanError> {
     let after = resolve_after(plans)?;
     let mut missing: Vec<Vec<usize>> = Vec::with_capacity(plans.len());

@@ -51,49 +51,49 @@ impl Ring {
         Ok(Ring { area, positions })
     }
 
-    /// Gives the area whose border it is.
+    /// Returns the area whose border it is.
     pub fn area(&self) -> Rect {
         self.area
     }
 
-    /// Gives the number of positions.
+    /// Returns the number of positions.
     pub fn positions(&self) -> usize {
         self.positions
     }
 
-    /// Gives the length of the border, metres.
+    /// Returns the length of the border, metres.
     pub fn length_m(&self) -> f64 {
         2.0 * (self.area.width_m() + self.area.height_m())
     }
 
-    /// Gives the distance along the border between two positions in a row, metres.
+    /// Returns the distance along the border between two positions in a row, metres.
     pub fn pitch_m(&self) -> f64 {
         self.length_m() / self.positions as f64
     }
 
-    /// Gives a position; the index is taken modulo the number of positions.
+    /// Returns a position; the index is taken modulo the number of positions.
     pub fn position(&self, index: usize) -> Point {
         self.at_arc(self.arc_m(index % self.positions))
     }
 
-    /// Gives the index of the position nearest to a point; the lowest on a tie.
+    /// Returns the index of the position nearest to a point; the lowest on a tie.
     pub fn nearest(&self, point: Point) -> usize {
         let distance = |index: &usize| self.position(*index).distance_to(point);
         (0..self.positions).min_by(|a, b| distance(a).total_cmp(&distance(b))).unwrap_or(0)
     }
 
-    /// Gives the number of steps from one position counter-clockwise to another, below the count.
+    /// Returns the number of steps from one position counter-clockwise to another, below the count.
     pub fn steps_ahead(&self, from: usize, to: usize) -> usize {
         (to % self.positions + self.positions - from % self.positions) % self.positions
     }
 
-    /// Gives the number of steps between two positions, the shorter way round.
+    /// Returns the number of steps between two positions, the shorter way round.
     #[cfg(test)]
     pub fn steps_between(&self, one: usize, other: usize) -> usize {
         self.steps_ahead(one, other).min(self.steps_ahead(other, one))
     }
 
-    /// Gives the sides that a position lies on: one, or two at a corner.
+    /// Returns the sides that a position lies on: one, or two at a corner.
     pub fn sides(&self, index: usize) -> Vec<Side> {
         let arc_m = self.arc_m(index % self.positions);
         let [_, east_m, north_m, west_m] = self.corner_arcs_m();
@@ -107,14 +107,14 @@ impl Ring {
         sides
     }
 
-    /// Tells whether two positions lie on a common side, so that the link between them runs along it.
+    /// Returns whether two positions lie on a common side, so that the link between them runs along it.
     #[cfg(test)]
     pub fn share_a_side(&self, one: usize, other: usize) -> bool {
         let sides = self.sides(other);
         self.sides(one).iter().any(|side| sides.contains(side))
     }
 
-    /// Gives the corners of the area between a position and the next one, without both ends.
+    /// Returns the corners of the area between a position and the next one, without both ends.
     pub fn corners_after(&self, index: usize) -> Vec<Point> {
         let index = index % self.positions;
         let from_m = self.arc_m(index);
@@ -124,7 +124,7 @@ impl Ring {
         self.corner_arcs_m().into_iter().filter(between).map(|arc_m| self.at_arc(arc_m)).collect()
     }
 
-    /// Gives how far along the border (metres from the south-west corner) it comes nearest to a point.
+    /// Returns how far along the border (metres from the south-west corner) it comes nearest to a point.
     pub fn nearest_arc_m(&self, point: Point) -> f64 {
         let corners = self.area.corners();
         let along = |side: usize| {
@@ -136,7 +136,7 @@ impl Ring {
         nearest.map_or(0.0, |(_, arc_m)| if arc_m >= self.length_m() { 0.0 } else { arc_m })
     }
 
-    /// Gives a way from a place to another one on the border: where the border is nearest, and then the corners that are
+    /// Returns a way from a place to another one on the border: where the border is nearest, and then the corners that are
     /// passed along it, counter-clockwise or clockwise; without both ends.
     pub fn way_between(&self, from: Point, to: Point, clockwise: bool) -> Vec<Point> {
         let (begin_m, end_m) = (self.nearest_arc_m(from), self.nearest_arc_m(to));

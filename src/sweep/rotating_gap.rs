@@ -43,7 +43,7 @@ pub struct GapRequest {
     pub separation_m: f64,
 }
 
-/// Gives the number of laps of a whole sweep: all gaps that fit, 8 for two vehicles, at most 7 for more.
+/// Returns the number of laps of a whole sweep: all gaps that fit, 8 for two vehicles, at most 7 for more.
 pub fn default_laps(positions: usize, vehicles: usize) -> usize {
     let longest = if vehicles > 2 { 7 } else { 8 };
     shifts(positions, vehicles).len().min(longest)

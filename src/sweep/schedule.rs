@@ -31,7 +31,7 @@ pub struct Lap {
 }
 
 impl Schedule {
-    /// Gives the number of laps that every vehicle has ended, counted from the first of the plans.
+    /// Returns the number of laps that every vehicle has ended, counted from the first of the plans.
     pub fn laps_done(&self, plans: &[Plan], progress: &[VehicleProgress]) -> usize {
         let ended = |lap: &&Lap| {
             lap.stops.iter().all(|(vehicle, _, last)| {
@@ -43,7 +43,7 @@ impl Schedule {
     }
 }
 
-/// Tells whether a vehicle's progress says that a stop of its plan is done.
+/// Returns whether a vehicle's progress says that a stop of its plan is done.
 ///
 /// Progress of another vehicle, run or revision says nothing of the plan.
 pub fn has_done(plan: &Plan, progress: &VehicleProgress, stop: StopId) -> bool {
@@ -53,7 +53,7 @@ pub fn has_done(plan: &Plan, progress: &VehicleProgress, stop: StopId) -> bool {
     same && index(stop).is_some_and(|wanted| done.is_some_and(|last| last >= wanted))
 }
 
-/// Gives the time to drive plans to their ends at a steady speed, with turns for nothing and every
+/// Returns the time to drive plans to their ends at a steady speed, with turns for nothing and every
 /// dwell at its shortest, seconds.
 ///
 /// # Errors

@@ -5,7 +5,7 @@
 
 use crate::geom::{Point, Rect, Segment};
 
-/// Gives the part of a link's line that lies in the rectangle, from the border where it enters to where it leaves.
+/// Returns the part of a link's line that lies in the rectangle, from the border where it enters to where it leaves.
 ///
 /// An end outside is moved inward. An end inside is moved outward if `snap_inside`, otherwise such a link has no part.
 /// `None` too for a link that passes by, touches a corner only, or has no length.

@@ -56,17 +56,17 @@ impl Succession {
         }
     }
 
-    /// Gives the members, ascending.
+    /// Returns the members, ascending.
     pub fn members(&self) -> &[VehicleId] {
         &self.members
     }
 
-    /// Gives the run.
+    /// Returns the run.
     pub fn run(&self) -> RunId {
         self.run
     }
 
-    /// Gives the current revision.
+    /// Returns the current revision.
     pub fn revision(&self) -> Revision {
         self.revision
     }
@@ -87,12 +87,12 @@ impl Succession {
         self.reported.clear();
     }
 
-    /// Gives the revision that the next plans will have.
+    /// Returns the revision that the next plans will have.
     pub fn next_revision(&self) -> Revision {
         Revision(self.revision.0.saturating_add(1))
     }
 
-    /// Gives the plans of the current revision, to be published on change and every 5 s.
+    /// Returns the plans of the current revision, to be published on change and every 5 s.
     pub fn plans(&self) -> &[Plan] {
         &self.plans
     }
@@ -144,12 +144,12 @@ impl Succession {
         }
     }
 
-    /// Gives the members not heard to follow the current revision.
+    /// Returns the members not heard to follow the current revision.
     pub fn missing(&self) -> impl Iterator<Item = VehicleId> + '_ {
         self.members.iter().filter(|member| !self.reported.contains(member)).copied()
     }
 
-    /// Gives how far the current revision is.
+    /// Returns how far the current revision is.
     pub fn phase(&self) -> Phase {
         if self.plans.is_empty() {
             Phase::Resting

@@ -22,7 +22,7 @@ const MOST_SPOTS: usize = 64;
 pub(super) struct BinKey(u64, u64);
 
 impl BinKey {
-    /// Gives the key of a pair of places and whether the places were exchanged to make it direction-free.
+    /// Returns the key of a pair of places and whether the places were exchanged to make it direction-free.
     pub(super) fn of(from: Point, to: Point, bin_m: f64) -> (BinKey, bool) {
         let (a, b) = (square(from, bin_m), square(to, bin_m));
         let exchanged = a > b;
@@ -30,7 +30,7 @@ impl BinKey {
         (BinKey(low, high), exchanged)
     }
 
-    /// Gives the key whose ends lie the given numbers of squares (x, y) away from this key's ends.
+    /// Returns the key whose ends lie the given numbers of squares (x, y) away from this key's ends.
     pub(super) fn moved(self, low: (i32, i32), high: (i32, i32)) -> BinKey {
         let (a, b) = (shifted(self.0, low), shifted(self.1, high));
         BinKey(a.min(b), a.max(b))
@@ -137,17 +137,17 @@ impl LinkBins {
         self.bins.entry(key).or_default().add_link(from, to, link, spot);
     }
 
-    /// Gives the number of bin pairs.
+    /// Returns the number of bin pairs.
     pub fn len(&self) -> usize {
         self.bins.len()
     }
 
-    /// Tells whether nothing was recorded.
+    /// Returns whether nothing was recorded.
     pub fn is_empty(&self) -> bool {
         self.bins.is_empty()
     }
 
-    /// Gives the links in the order of their bins (rows, then columns, of the first and then of the second end).
+    /// Returns the links in the order of their bins (rows, then columns, of the first and then of the second end).
     pub fn links(&self) -> Vec<Link> {
         self.bins.values().map(Bin::link).collect()
     }

@@ -29,7 +29,7 @@ pub enum DropReason {
 }
 
 impl DropReason {
-    /// Gives the reason in words.
+    /// Returns the reason in words.
     pub fn words(self) -> &'static str {
         match self {
             DropReason::TooShort => "too short",
@@ -155,21 +155,21 @@ fn paired_variance(link: &Link, partner: &Entry, noise: &NoiseModel, pairing_m: 
         + square(noise.model_sd_db)
 }
 
-/// Gives how much more the packets of a bin differ than noise and fades make them, dB²: an edge of the structure
+/// Returns how much more the packets of a bin differ than noise and fades make them, dB²: an edge of the structure
 /// lies across the bin, and two sweeps will not sample it alike.
 fn excess_spread(link: &Link, noise: &NoiseModel) -> f64 {
     let fading_db2 = if link.spots > 1 { noise.fading_sd_db * noise.fading_sd_db } else { 0.0 };
     (link.spread_db * link.spread_db - noise.packet_sd_db * noise.packet_sd_db - fading_db2).max(0.0)
 }
 
-/// Gives the larger of the distances between the ends of two links, the ends matched as they lie nearer.
+/// Returns the larger of the distances between the ends of two links, the ends matched as they lie nearer.
 fn ends_apart_m(a: &Link, b: &Link) -> f64 {
     let straight = a.from.distance_to(b.from).max(a.to.distance_to(b.to));
     let crossed = a.from.distance_to(b.to).max(a.to.distance_to(b.from));
     straight.min(crossed)
 }
 
-/// Tells whether both ends lie on one side of the ring.
+/// Returns whether both ends lie on one side of the ring.
 pub fn runs_along_a_side(link: &Link, ring: Rect, tolerance_m: f64) -> bool {
     let both = |near: &dyn Fn(Point) -> f64| near(link.from) <= tolerance_m && near(link.to) <= tolerance_m;
     both(&|at| (at.x_m - ring.min.x_m).abs())
@@ -228,7 +228,7 @@ impl EmptySweep {
         sweep
     }
 
-    /// Gives the mean square step to the neighbouring bins beyond what noise explains, dB².
+    /// Returns the mean square step to the neighbouring bins beyond what noise explains, dB².
     fn local_variance(&self, key: BinKey, exponent: f64, noise: &NoiseModel) -> f64 {
         let level = |entry: &Entry| entry.mean_dbm + exponent * spread_db(entry.link.length_m().max(1e-3));
         let here = &self.entries[&key];
@@ -244,7 +244,7 @@ impl EmptySweep {
         if count == 0 { 0.0 } else { (sum / f64::from(count)).max(0.0) }
     }
 
-    /// Gives the link of the same bin, else the nearest one within reach.
+    /// Returns the link of the same bin, else the nearest one within reach.
     fn partner(&self, link: &Link) -> Option<&Entry> {
         let (key, _) = BinKey::of(link.from, link.to, self.pairing_m);
         if let Some(entry) = self.entries.get(&key) {
@@ -259,7 +259,7 @@ impl EmptySweep {
     }
 }
 
-/// Gives one link per bin; links of one bin are pooled.
+/// Returns one link per bin; links of one bin are pooled.
 fn pooled(links: &[Link], pairing_m: f64) -> BTreeMap<BinKey, Link> {
     let mut bins: BTreeMap<BinKey, Link> = BTreeMap::new();
     for link in links {

@@ -19,7 +19,7 @@ impl Image {
         Image { grid, values: vec![0.0; grid.len()] }
     }
 
-    /// Gives the smallest and the largest value.
+    /// Returns the smallest and the largest value.
     pub fn range(&self) -> (f64, f64) {
         let fold = |start: f64, pick: fn(f64, f64) -> f64| self.values.iter().copied().fold(start, pick);
         (fold(f64::INFINITY, f64::min), fold(f64::NEG_INFINITY, f64::max))

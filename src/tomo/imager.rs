@@ -147,7 +147,7 @@ impl Imager {
         Ok(Imager { settings, covariance, last: BTreeMap::new(), standing: None })
     }
 
-    /// Gives the settings.
+    /// Returns the settings.
     pub fn settings(&self) -> &Settings {
         &self.settings
     }
@@ -184,7 +184,7 @@ impl Imager {
         })
     }
 
-    /// Gives per pixel how much room what stood there in the empty sweep leaves for a change.
+    /// Returns per pixel how much room what stood there in the empty sweep leaves for a change.
     ///
     /// Nobody walks into a wall. Without this, links that graze a wall put their mismatch between the sweeps into it,
     /// since their loss changes steeply with the place of their ends. The prior's covariance C becomes D C D with
@@ -228,7 +228,7 @@ impl Imager {
         build(&calibrated.observations)
     }
 
-    /// Gives the image and the residual of each link, dB.
+    /// Returns the image and the residual of each link, dB.
     fn solve(&mut self, rows: &WeightRows, calibrated: &mut Calibrated) -> (Vec<f64>, Vec<f64>) {
         let attenuation_db: Vec<f64> =
             calibrated.observations.iter().map(|link| link.attenuation_db).collect();
@@ -295,7 +295,7 @@ fn path_loss_columns(calibrated: &Calibrated) -> Vec<Nuisance> {
     ]
 }
 
-/// Gives reasons and counts in words.
+/// Returns reasons and counts in words.
 fn words(dropped: &Dropped) -> String {
     if dropped.is_empty() {
         return "none".to_owned();

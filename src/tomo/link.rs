@@ -31,17 +31,17 @@ impl Link {
         Link { from, to, packets, spots: 1, misses: 0, mean_dbm, spread_db: 0.0 }
     }
 
-    /// Gives the length, metres.
+    /// Returns the length, metres.
     pub fn length_m(&self) -> f64 {
         self.from.distance_to(self.to)
     }
 
-    /// Gives the straight path.
+    /// Returns the straight path.
     pub fn segment(&self) -> Segment {
         Segment::new(self.from, self.to)
     }
 
-    /// Gives the pooled packets of this link and another one whose ends lie near this one's, in this order.
+    /// Returns the pooled packets of this link and another one whose ends lie near this one's, in this order.
     pub(super) fn pooled(&self, other: &Link) -> Link {
         let share = |own: u32, its: u32| f64::from(its) / (f64::from(own) + f64::from(its)).max(1.0);
         let records = |link: &Link| link.packets.saturating_add(link.misses);
@@ -66,7 +66,7 @@ impl Link {
         }
     }
 
-    /// Gives the mean over the packets of both; not a number when neither was heard.
+    /// Returns the mean over the packets of both; not a number when neither was heard.
     fn pooled_mean_dbm(&self, other: &Link) -> f64 {
         match (self.packets, other.packets) {
             (_, 0) => self.mean_dbm,
@@ -78,7 +78,7 @@ impl Link {
         }
     }
 
-    /// Gives the mean strength with misses counted at the receiver's sensitivity, dBm; `None` when nothing is known.
+    /// Returns the mean strength with misses counted at the receiver's sensitivity, dBm; `None` when nothing is known.
     ///
     /// A miss says "at most this strong" (censored data). A few misses are collisions and are passed over; when there are
     /// at least as many misses as packets, each counts as one packet at the sensitivity, which bounds the

@@ -95,7 +95,7 @@ impl MapProblem<'_> {
         MapSolution { image, residual_db, dual, trust, nuisance, steps }
     }
 
-    /// Sets each link's trust to (ν + 1) / (ν + r²/s²), where the residual r is noise times dual; gives the mean change.
+    /// Sets each link's trust to (ν + 1) / (ν + r²/s²), where the residual r is noise times dual; returns the mean change.
     fn reweight(&self, noise: &[f64], dual: &[f64], degrees: f64, trust: &mut [f64]) -> f64 {
         let mut change = 0.0;
         for (link, trust) in trust.iter_mut().enumerate() {
@@ -156,7 +156,7 @@ impl<'a> Solver<'a> {
         }
     }
 
-    /// Improves `dual` until K·dual = y within the tolerance, preconditioned by the noise; gives the steps taken.
+    /// Improves `dual` until K·dual = y within the tolerance, preconditioned by the noise; returns the steps taken.
     fn solve(&mut self, dual: &mut [f64], tolerance: f64, most_steps: usize) -> usize {
         let data = self.problem.attenuation_db;
         let mut product = vec![0.0; dual.len()];

@@ -2,7 +2,7 @@
 
 use super::Image;
 
-/// Gives the bytes of a `.npy` file: little-endian f32, C order, shape (rows, columns), rows from south to north.
+/// Returns the bytes of a `.npy` file: little-endian f32, C order, shape (rows, columns), rows from south to north.
 pub fn npy_bytes(image: &Image) -> Vec<u8> {
     let (rows, columns) = (image.grid.rows, image.grid.columns);
     let mut header = format!("{{'descr': '<f4', 'fortran_order': False, 'shape': ({rows}, {columns}), }}");

@@ -43,12 +43,12 @@ const STUDENT_DEGREES: f64 = 4.0;
 const REWEIGHTINGS: usize = 20;
 
 impl PathLoss {
-    /// Gives the strength without obstacles at a distance, dBm.
+    /// Returns the strength without obstacles at a distance, dBm.
     pub fn strength_dbm(&self, distance_m: f64) -> f64 {
         self.p0_dbm - self.exponent * spread_db(distance_m)
     }
 
-    /// Gives the law with its level at the centre raised by `level_db` and its exponent by `exponent`.
+    /// Returns the law with its level at the centre raised by `level_db` and its exponent by `exponent`.
     pub fn corrected(self, level_db: f64, exponent: f64) -> PathLoss {
         let p0_dbm = self.p0_dbm + level_db + exponent * self.centre_db;
         PathLoss { p0_dbm, exponent: self.exponent + exponent, ..self }
@@ -90,7 +90,7 @@ impl PathLoss {
     }
 }
 
-/// Gives 10 log10 d.
+/// Returns 10 log10 d.
 pub(super) fn spread_db(distance_m: f64) -> f64 {
     10.0 * libm::log10(distance_m)
 }

@@ -31,7 +31,7 @@ pub struct PeakSettings {
     pub limit: usize,
 }
 
-/// Gives the peaks, strongest first; only positive ones.
+/// Returns the peaks, strongest first; only positive ones.
 pub fn peaks(image: &Image, settings: PeakSettings) -> Vec<Peak> {
     let inner = image.grid.area.shrunk(settings.rim_m);
     let mut open: Vec<usize> =
@@ -58,7 +58,7 @@ pub fn peaks(image: &Image, settings: PeakSettings) -> Vec<Peak> {
     found
 }
 
-/// Gives the centroid of what rises above half the strength around a pixel.
+/// Returns the centroid of what rises above half the strength around a pixel.
 fn centroid(image: &Image, open: &[usize], centre: Point, radius_m: f64, strength: f64) -> Point {
     let (mut sum, mut moment_x, mut moment_y) = (0.0, 0.0, 0.0);
     for pixel in open {

@@ -93,7 +93,7 @@ impl Covariance {
         columns.iter().map(|value| value.re * scale).collect()
     }
 
-    /// Gives the number of pixels.
+    /// Returns the number of pixels.
     pub fn pixels(&self) -> usize {
         self.rows * self.columns
     }
@@ -163,7 +163,7 @@ impl Covariance {
     }
 }
 
-/// Gives the smallest size of at least `least` without prime factors above 5.
+/// Returns the smallest size of at least `least` without prime factors above 5.
 fn smooth_size(least: usize) -> usize {
     let is_smooth = |mut size: usize| {
         for factor in [2, 3, 5] {

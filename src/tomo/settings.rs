@@ -83,7 +83,7 @@ pub struct Settings {
 }
 
 impl Settings {
-    /// Gives the defaults for an area: 40 pixels along its longer side.
+    /// Returns the defaults for an area: 40 pixels along its longer side.
     ///
     /// Lengths are those that work for 20 m (pixel 0.5 m, correlation 1 m, excess path 0.3 m, links over 3 m),
     /// scaled with the area; the rim (1.5 m) and the separation of peaks (3 m) do not grow beyond those values.
@@ -111,7 +111,7 @@ impl Settings {
         }
     }
 
-    /// Gives the defaults for an image of what changed since an empty sweep: persons are smaller than walls, so
+    /// Returns the defaults for an image of what changed since an empty sweep: persons are smaller than walls, so
     /// neighbouring pixels are less alike (σ² = 0.2 (dB/m)², δ = 0.5 m for 20 m).
     pub fn for_change(area: Rect) -> Settings {
         let scale = area.width_m().max(area.height_m()) / 20.0;
@@ -119,13 +119,13 @@ impl Settings {
         Settings { solver: Solver::Map(prior, MapSettings::default()), ..Settings::for_area(area) }
     }
 
-    /// Gives the prior of standing structure for an area: σ² = 0.3 (dB/m)² and δ = 1 m for 20 m.
+    /// Returns the prior of standing structure for an area: σ² = 0.3 (dB/m)² and δ = 1 m for 20 m.
     pub fn prior_for(area: Rect) -> Prior {
         let scale = area.width_m().max(area.height_m()) / 20.0;
         Prior { variance: 0.3 / (scale * scale), length_m: scale }
     }
 
-    /// Gives the smoothness weight of the Tikhonov solver for an area: 20 m² for 20 m.
+    /// Returns the smoothness weight of the Tikhonov solver for an area: 20 m² for 20 m.
     pub fn tikhonov_for(area: Rect) -> Solver {
         let scale = area.width_m().max(area.height_m()) / 20.0;
         Solver::Tikhonov { alpha_m2: 20.0 * scale * scale }

@@ -11,7 +11,7 @@ const MOST_STEPS: usize = 500;
 /// Keeps pixels that no link sees, and the constant image, determined.
 const RIDGE: f64 = 1e-9;
 
-/// Gives the image, dB/m; `alpha_m2` is α, m².
+/// Returns the image, dB/m; `alpha_m2` is α, m².
 pub fn tikhonov(rows: &WeightRows, grid: &PixelGrid, attenuation_db: &[f64], alpha_m2: f64) -> Vec<f64> {
     let mut right = vec![0.0; grid.len()];
     rows.backward(attenuation_db, &mut right);

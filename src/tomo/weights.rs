@@ -38,7 +38,7 @@ pub enum WeightModel {
 const CUT: f64 = 9.21;
 
 impl WeightModel {
-    /// Gives the largest excess path that weighs anything, metres; 0 for the line.
+    /// Returns the largest excess path that weighs anything, metres; 0 for the line.
     fn reach_m(self) -> f64 {
         match self {
             WeightModel::Line => 0.0,
@@ -48,7 +48,7 @@ impl WeightModel {
         }
     }
 
-    /// Gives the weight at an excess path (metres, within the model's reach) for a link of length `d_m`, before
+    /// Returns the weight at an excess path (metres, within the model's reach) for a link of length `d_m`, before
     /// rescaling; the soft models are not cut here. 0 for the line, which has no such weight.
     pub fn weight(self, excess_m: f64, d_m: f64, pixel_m2: f64) -> f64 {
         match self {
@@ -191,17 +191,17 @@ impl WeightRows {
         }
     }
 
-    /// Gives the number of rows (links).
+    /// Returns the number of rows (links).
     pub fn len(&self) -> usize {
         self.row_starts.len().saturating_sub(1)
     }
 
-    /// Tells whether there are no rows.
+    /// Returns whether there are no rows.
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }
 
-    /// Gives the pixels and weights of a row.
+    /// Returns the pixels and weights of a row.
     pub fn row(&self, row: usize) -> impl Iterator<Item = (usize, f64)> + '_ {
         self.runs_of(row).iter().flat_map(move |run| {
             let values = self.values_of(*run);
@@ -257,7 +257,7 @@ fn dot(a: &[f64], b: &[f64]) -> f64 {
     (sums[0] + sums[1]) + (sums[2] + sums[3]) + rest
 }
 
-/// Gives the span of x in which a horizontal line lies inside the ellipse of points with excess path under `reach_m`.
+/// Returns the span of x in which a horizontal line lies inside the ellipse of points with excess path under `reach_m`.
 fn ellipse_span(link: Segment, reach_m: f64, y_m: f64) -> Option<(f64, f64)> {
     let d_m = link.length_m();
     let middle = link.from.toward(link.to, 0.5);
@@ -276,7 +276,7 @@ fn ellipse_span(link: Segment, reach_m: f64, y_m: f64) -> Option<(f64, f64)> {
     Some((centre - half, centre + half))
 }
 
-/// Gives the shares of the link at which it enters and leaves the grid's area.
+/// Returns the shares of the link at which it enters and leaves the grid's area.
 fn shares_inside(link: Segment, grid: &PixelGrid) -> Option<(f64, f64)> {
     let (enter, leave) = grid.area.line_shares(link)?;
     let (enter, leave) = (enter.max(0.0), leave.min(1.0));
@@ -287,7 +287,7 @@ fn length_inside_m(link: Segment, grid: &PixelGrid) -> f64 {
     shares_inside(link, grid).map_or(0.0, |(enter, leave)| (leave - enter) * link.length_m())
 }
 
-/// Gives the pixels under a link and the length in each, metres (Siddon 1985: cut at all grid lines, sort).
+/// Returns the pixels under a link and the length in each, metres (Siddon 1985: cut at all grid lines, sort).
 fn chords(link: Segment, grid: &PixelGrid) -> Vec<(u32, f64)> {
     let Some((enter, leave)) = shares_inside(link, grid) else {
         return Vec::new();

@@ -80,7 +80,7 @@ impl Desk {
         desk
     }
 
-    /// Gives the path of a file.
+    /// Returns the path of a file.
     pub fn path(&self, name: impl AsRef<Path>) -> PathBuf {
         self.folder.path().join(name)
     }
@@ -97,7 +97,7 @@ impl Desk {
         self.write(name, text.replace(from, to));
     }
 
-    /// Gives the program, to be run in this folder with nothing to read.
+    /// Returns the program, to be run in this folder with nothing to read.
     pub fn program<S: AsRef<OsStr>>(&self, arguments: &[S]) -> Command {
         let mut command = Command::new(env!("CARGO_BIN_EXE_tomoswarm"));
         command.args(arguments).current_dir(self.folder.path()).stdin(Stdio::null());
@@ -122,14 +122,14 @@ impl Desk {
         err
     }
 
-    /// Gives all files below the folder with their content; a folder has a name that ends in `/`.
+    /// Returns all files below the folder with their content; a folder has a name that ends in `/`.
     pub fn files(&self) -> BTreeMap<PathBuf, Vec<u8>> {
         let mut files = BTreeMap::new();
         collect(self.folder.path(), &mut files);
         files
     }
 
-    /// Gives the names in a folder.
+    /// Returns the names in a folder.
     pub fn names_in(&self, folder: &str) -> Vec<String> {
         let entries = std::fs::read_dir(self.path(folder)).unwrap();
         let mut names: Vec<String> =

@@ -114,7 +114,7 @@ fn a_device_is_written_and_not_replaced() {
     assert!(desk.names_in(".").iter().all(|name| !name.starts_with('.')));
 }
 
-/// Runs a line on a terminal of 60 by 20 letters, `$PROGRAM` being the program; gives what the terminal was told, `None`
+/// Runs a line on a terminal of 60 by 20 letters, `$PROGRAM` being the program; returns what the terminal was told, `None`
 /// where no terminal can be made.
 fn on_terminal(desk: &Desk, line: &str) -> Option<String> {
     let line = line.replace("$PROGRAM", env!("CARGO_BIN_EXE_tomoswarm"));

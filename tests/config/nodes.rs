@@ -38,7 +38,7 @@ fn loaded(path: &str) -> Result<String, String> {
     bundled::load(path)
 }
 
-/// Gives a loader of the bundled venue with further lines.
+/// Returns a loader of the bundled venue with further lines.
 fn in_venue(lines: &str) -> impl FnMut(&str) -> Result<String, String> {
     move |path| bundled::load(path).map(|text| format!("{text}{lines}"))
 }

@@ -18,7 +18,7 @@ venue = \"courtyard.venue.toml\"
 scene = \"../scenes/courtyard.scene.toml\"
 ";
 
-/// Reads a file that must be refused, and gives what is said about it.
+/// Reads a file that must be refused, and returns what is said about it.
 fn problems_of(file_name: &str, text: &str) -> String {
     match config::read(file_name, text, &mut |path| bundled::load(path)) {
         Ok(config) => format!("accepted: {config:?}"),

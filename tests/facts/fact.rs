@@ -44,59 +44,59 @@ impl Fact {
         Ok(Fact { id, area, description, inputs, expected, tolerance, read: RefCell::default() })
     }
 
-    /// Tells whether a key is among the inputs.
+    /// Returns whether a key is among the inputs.
     pub fn has(&self, key: &str) -> bool {
         self.inputs.contains_key(key)
     }
 
-    /// Tells whether a key is among the outputs.
+    /// Returns whether a key is among the outputs.
     pub fn expects(&self, key: &str) -> bool {
         self.expected.contains_key(key)
     }
 
-    /// Gives an input.
+    /// Returns an input.
     pub fn input(&self, key: &str) -> Result<&Value, String> {
         self.read.borrow_mut().insert(format!("inputs.{key}"));
         self.inputs.get(key).ok_or_else(|| format!("there is no input {key}"))
     }
 
-    /// Gives an output.
+    /// Returns an output.
     pub fn output(&self, key: &str) -> Result<&Value, String> {
         self.read.borrow_mut().insert(format!("expected.{key}"));
         self.expected.get(key).ok_or_else(|| format!("there is no output {key}"))
     }
 
-    /// Gives an input that is a number.
+    /// Returns an input that is a number.
     pub fn number(&self, key: &str) -> Result<f64, String> {
         self.input(key)?.as_f64().ok_or_else(|| format!("{key} is no number"))
     }
 
-    /// Gives an input that is a whole number.
+    /// Returns an input that is a whole number.
     pub fn whole(&self, key: &str) -> Result<i64, String> {
         self.input(key)?.as_i64().ok_or_else(|| format!("{key} is no whole number"))
     }
 
-    /// Gives an input that is true or false.
+    /// Returns an input that is true or false.
     pub fn flag(&self, key: &str) -> Result<bool, String> {
         self.input(key)?.as_bool().ok_or_else(|| format!("{key} is no flag"))
     }
 
-    /// Gives an input that is a text.
+    /// Returns an input that is a text.
     pub fn text(&self, key: &str) -> Result<&str, String> {
         self.input(key)?.as_str().ok_or_else(|| format!("{key} is no text"))
     }
 
-    /// Gives an input that is a list of N numbers.
+    /// Returns an input that is a list of N numbers.
     pub fn numbers<const N: usize>(&self, key: &str) -> Result<[f64; N], String> {
         numbers(self.input(key)?)
     }
 
-    /// Gives an input that is a list of lists of N numbers.
+    /// Returns an input that is a list of lists of N numbers.
     pub fn table<const N: usize>(&self, key: &str) -> Result<Vec<[f64; N]>, String> {
         table(self.input(key)?)
     }
 
-    /// Gives an input that is a point as (north, east).
+    /// Returns an input that is a point as (north, east).
     pub fn place(&self, key: &str) -> Result<Point, String> {
         self.numbers(key).map(place)
     }
@@ -136,7 +136,7 @@ fn same(expected: &Value, found: &Value, tolerance: f64) -> bool {
     }
 }
 
-/// Gives a number as a fact writes it: infinity is a word.
+/// Returns a number as a fact writes it: infinity is a word.
 pub fn written(number: f64) -> Value {
     if number == f64::INFINITY { Value::from("inf") } else { Value::from(number) }
 }
@@ -154,7 +154,7 @@ pub fn table<const N: usize>(value: &Value) -> Result<Vec<[f64; N]>, String> {
     value.as_array().ok_or_else(|| format!("{value} is no list"))?.iter().map(numbers).collect()
 }
 
-/// Gives the point of (north, east).
+/// Returns the point of (north, east).
 pub fn place([north, east]: [f64; 2]) -> Point {
     Point::new(east, north)
 }

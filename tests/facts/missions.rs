@@ -27,7 +27,7 @@ fn as_expected(expected: &Value, part: &[Value]) -> Value {
     if expected.is_string() { waits(part) } else { json!(part) }
 }
 
-/// Gives how often the first point of a track stands there, as a fact writes it.
+/// Returns how often the first point of a track stands there, as a fact writes it.
 fn waits(track: &[Value]) -> Value {
     let count = track.iter().take_while(|point| Some(*point) == track.first()).count();
     let Some(first) = track.first() else { return Value::Null };

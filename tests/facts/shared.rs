@@ -6,7 +6,7 @@ use serde_json::{Value, json};
 
 use super::fact::Fact;
 
-/// Gives a text of the shared folder beside the project; `None`, said so, when it is not there.
+/// Returns a text of the shared folder beside the project; `None`, said so, when it is not there.
 pub fn shared_text(path: &str) -> Option<String> {
     let full = Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared").join(path);
     let text = std::fs::read_to_string(&full).ok();

@@ -68,7 +68,7 @@ fn own() -> Vec<Fact> {
     parse(include_str!("../data/facts.json"))
 }
 
-/// Runs facts, prints how many of each area ran, and gives these numbers.
+/// Runs facts, prints how many of each area ran, and returns these numbers.
 fn run(title: &str, facts: &[Fact]) -> BTreeMap<String, usize> {
     let (mut ran, mut wrong) = (BTreeMap::<String, usize>::new(), Vec::new());
     for fact in facts {

@@ -6,19 +6,19 @@ const WINDOW_SD: f64 = 1.5;
 /// Pixels at each side of the window's middle: four deviations.
 const WINDOW_REACH: i64 = 6;
 
-/// Gives the factor that brings an image nearest to the truth; never negative.
+/// Returns the factor that brings an image nearest to the truth; never negative.
 pub fn gain(image: &[f64], truth: &[f64]) -> f64 {
     (dot(image, truth) / dot(image, image).max(1e-12)).max(0.0)
 }
 
-/// Gives |a x − t| / |t| with the best gain a.
+/// Returns |a x − t| / |t| with the best gain a.
 pub fn relative_error(image: &[f64], truth: &[f64]) -> f64 {
     let gain = gain(image, truth);
     let rest: Vec<f64> = image.iter().zip(truth).map(|(x, t)| gain * x - t).collect();
     (dot(&rest, &rest) / dot(truth, truth)).sqrt()
 }
 
-/// Gives the correlation coefficient of two images.
+/// Returns the correlation coefficient of two images.
 pub fn correlation(a: &[f64], b: &[f64]) -> f64 {
     let centred = |values: &[f64]| {
         let mean = values.iter().sum::<f64>() / values.len() as f64;
@@ -28,7 +28,7 @@ pub fn correlation(a: &[f64], b: &[f64]) -> f64 {
     dot(&a, &b) / (dot(&a, &a) * dot(&b, &b)).sqrt()
 }
 
-/// Gives the mean structural similarity of an image, with its best gain and without negative values, to the truth.
+/// Returns the mean structural similarity of an image, with its best gain and without negative values, to the truth.
 pub fn structural_similarity(image: &[f64], truth: &[f64], columns: usize) -> f64 {
     let gain = gain(image, truth);
     let image: Vec<f64> = image.iter().map(|x| (gain * x).max(0.0)).collect();

@@ -179,7 +179,7 @@ impl Network {
         self.run(self.now + Duration::from_secs_f64(seconds_s));
     }
 
-    /// Runs until all maps are equal; gives the seconds it took, `None` when they never are.
+    /// Runs until all maps are equal; returns the seconds it took, `None` when they never are.
     pub fn run_until_equal(&mut self, at_most_s: f64) -> Option<f64> {
         let begin = self.now;
         loop {
@@ -361,12 +361,12 @@ impl Network {
         None
     }
 
-    /// Gives the tiles of all layers that the first map holds.
+    /// Returns the tiles of all layers that the first map holds.
     pub fn tiles_held(&self) -> usize {
         self.maps()[0].layers().map(|(_, layer)| layer.len()).sum()
     }
 
-    /// Gives the layers of a vehicle that the station's map holds.
+    /// Returns the layers of a vehicle that the station's map holds.
     pub fn layers_of(&self, node: usize) -> usize {
         let map = self.maps();
         map[map.len() - 1].layers().filter(|(id, _)| usize::from(id.vehicle.0) == node + 1).count()

@@ -75,7 +75,7 @@ fn gets_through(from: &Member, message: &Message, to: &Member, of: Sender) -> bo
     })
 }
 
-/// Lets a stranger say what vehicle 1 says, while the others talk; gives what it heard.
+/// Lets a stranger say what vehicle 1 says, while the others talk; returns what it heard.
 fn intrude(stranger: &Stranger, talks: &Member) -> usize {
     let about = frame(&progress(1, 666));
     let until = std::time::Instant::now() + QUIET;

@@ -55,7 +55,7 @@ fn state(watch: &Watch, id: u8) -> Option<&State> {
     watch.view.state(VehicleId(id)).map(|state| &state.value)
 }
 
-/// Tells whether a vehicle has a range sensor of this kind, by its own word.
+/// Returns whether a vehicle has a range sensor of this kind, by its own word.
 fn has_range(watch: &Watch, id: u8, kind: Option<RangeSensorKind>) -> bool {
     let hello = watch.view.vehicle(VehicleId(id)).and_then(|view| view.hello.as_ref());
     hello.is_some_and(|hello| {

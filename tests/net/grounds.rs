@@ -13,7 +13,7 @@ fn two() -> Swarm {
     Swarm::start(Size { vehicles: 2, laps: 1, relayed: false })
 }
 
-/// Gives the `[bus]` of one more node.
+/// Returns the `[bus]` of one more node.
 fn further(swarm: &Swarm) -> String {
     let all = [GROUND, vehicle(1), vehicle(2)].map(|node| format!("\"tcp/{}\"", swarm.address(node)));
     format!("[bus]\nlisten = [\"tcp/{}\"]\nconnect = [{}]\n", free_address(), all.join(", "))

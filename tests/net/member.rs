@@ -30,7 +30,7 @@ impl Member {
         Member { mouth, heard, _bus: bus }
     }
 
-    /// Gives all that it heard of a node so far.
+    /// Returns all that it heard of a node so far.
     pub fn heard_of(&self, node: Sender) -> Vec<Heard> {
         let is_its = |heard: &&Heard| match heard {
             Heard::Message(sender, _) => *sender == node,
@@ -40,13 +40,13 @@ impl Member {
         self.heard.lock().unwrap().iter().filter(is_its).cloned().collect()
     }
 
-    /// Gives how much it heard so far.
+    /// Returns how much it heard so far.
     pub fn heard_count(&self) -> usize {
         self.heard.lock().unwrap().len()
     }
 }
 
-/// Gives how the node of a file joins the bus, with its certificates.
+/// Returns how the node of a file joins the bus, with its certificates.
 pub fn settings(path: &Path) -> BusSettings {
     let (node, venue, bus) = read(path);
     let access = membership::access(node, &venue, &bus, None).unwrap();

@@ -14,7 +14,7 @@ use crate::swarm::{GROUND, Size, Swarm, Watch, free_address, vehicle};
 /// How long a partition lasts.
 const APART: Duration = Duration::from_secs(30);
 
-/// Gives the sum of revisions that each vehicle says of its own layers.
+/// Returns the sum of revisions that each vehicle says of its own layers.
 fn own_layers(watch: &Watch) -> BTreeMap<LayerId, u64> {
     let own = watch.digests.iter().flat_map(|(node, (_, digest))| {
         let is_own = move |layer: LayerId| *node == Sender::Vehicle(layer.vehicle);
@@ -23,7 +23,7 @@ fn own_layers(watch: &Watch) -> BTreeMap<LayerId, u64> {
     own.map(|layer| (layer.layer, layer.revisions)).collect()
 }
 
-/// Tells whether everyone holds at least this much of every layer.
+/// Returns whether everyone holds at least this much of every layer.
 fn all_hold(watch: &Watch, nodes: usize, least: &BTreeMap<LayerId, u64>) -> bool {
     let holds = |layer: &LayerId, revisions: &u64| {
         let of = |(_, digest): &(_, tomoswarm_proto::Digest)| {

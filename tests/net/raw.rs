@@ -82,7 +82,7 @@ impl Stranger {
         self.session.put(key, bytes).congestion_control(CongestionControl::Block).wait().unwrap();
     }
 
-    /// Gives how often it heard each key.
+    /// Returns how often it heard each key.
     pub fn heard(&self) -> BTreeMap<String, u64> {
         self.heard.lock().unwrap().clone()
     }

@@ -77,12 +77,12 @@ impl Relay {
         Relay { address, line }
     }
 
-    /// Gives where it listens.
+    /// Returns where it listens.
     pub fn address(&self) -> SocketAddr {
         self.address
     }
 
-    /// Gives how many bytes it has carried, both ways together.
+    /// Returns how many bytes it has carried, both ways together.
     pub fn carried(&self) -> u64 {
         self.line.carried.load(Ordering::Relaxed)
     }

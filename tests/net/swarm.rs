@@ -39,7 +39,7 @@ pub const fn vehicle(id: u8) -> Sender {
     Sender::Vehicle(VehicleId(id))
 }
 
-/// Gives a free address, one that no outgoing connection is given meanwhile.
+/// Returns a free address, one that no outgoing connection is given meanwhile.
 pub fn free_address() -> SocketAddr {
     static NEXT: AtomicU16 = AtomicU16::new(0);
     let first = 12_000 + (std::process::id() % 90) as u16 * 200;
@@ -108,30 +108,30 @@ impl Watch {
         }
     }
 
-    /// Gives the newest report of the ground station with the greatest lease.
+    /// Returns the newest report of the ground station with the greatest lease.
     pub fn report(&self) -> Report {
         let all = self.view.grounds().map(|report| &report.value);
         all.max_by_key(|report| report.lease).cloned().unwrap_or_default()
     }
 
-    /// Tells whether run 1 was driven to its end and closed.
+    /// Returns whether run 1 was driven to its end and closed.
     pub fn has_ended(&self) -> bool {
         let report = self.report();
         report.run == RunId(1) && self.ends(&report)
     }
 
-    /// Tells whether by a report a run was driven to its end and closed.
+    /// Returns whether by a report a run was driven to its end and closed.
     pub fn ends(&self, report: &Report) -> bool {
         report.phase == StationPhase::Idle && report.laps > 0 && report.laps_done == report.laps
     }
 
-    /// Gives how many samples were heard of one start of a vehicle.
+    /// Returns how many samples were heard of one start of a vehicle.
     pub fn samples_of(&self, id: u8, boot: u32) -> usize {
         let of = (VehicleId(id), Boot(boot), RunId(1));
         self.samples.get(&of).map_or(0, BTreeMap::len)
     }
 
-    /// Tells whether the newest digests of these nodes are fresh, equal and not empty.
+    /// Returns whether the newest digests of these nodes are fresh, equal and not empty.
     fn agree(&self, nodes: &BTreeSet<Sender>) -> bool {
         let fresh = |node: &Sender| {
             self.digests.get(node).filter(|(at, _)| at.elapsed() < Duration::from_millis(2500))
@@ -321,7 +321,7 @@ impl Swarm {
         self.write("operator.toml", &format!("kind = \"operator\"\nvenue = \"venue.toml\"\n{bus}"));
     }
 
-    /// Gives the `[bus]` of a node: through relays only, or by the ground station and what it tells.
+    /// Returns the `[bus]` of a node: through relays only, or by the ground station and what it tells.
     fn bus_lines(&self, node: Sender) -> String {
         let own = self.addresses[&node];
         let through: Vec<String> = if self.size.relayed {
@@ -336,7 +336,7 @@ impl Swarm {
         format!("[bus]\nlisten = [\"tcp/{own}\"]\nconnect = [{}]\ngossip = {gossip}\n", through.join(", "))
     }
 
-    /// Gives the file of a vehicle.
+    /// Returns the file of a vehicle.
     pub fn vehicle_text(&self, id: u8, state_dir: &str, bus: &str) -> String {
         let driver = ["autopilot", "range", "servo", "radio"]
             .map(|part| format!("[{part}]\ndriver = \"sim\"\n"))
@@ -347,12 +347,12 @@ impl Swarm {
         )
     }
 
-    /// Gives the smallest ring that is allowed.
+    /// Returns the smallest ring that is allowed.
     fn positions(&self) -> u32 {
         if self.size.vehicles > 3 { 20 } else { 16 }
     }
 
-    /// Gives the file of a ground station.
+    /// Returns the file of a ground station.
     pub fn ground_text(&self, state_dir: &str, bus: &str) -> String {
         let ids: Vec<String> = (1..=self.size.vehicles).map(|id| id.to_string()).collect();
         let positions = self.positions();
@@ -412,7 +412,7 @@ impl Swarm {
         self.processes[&Swarm::name(node)].signal(Signal::CONT);
     }
 
-    /// Waits until a process ends by itself; gives its exit code and its log.
+    /// Waits until a process ends by itself; returns its exit code and its log.
     pub fn ended(&mut self, name: &str, limit: Duration) -> (Option<i32>, String) {
         let node = self.processes.get_mut(name).unwrap();
         let status = node.ends_within(limit);
@@ -424,7 +424,7 @@ impl Swarm {
         std::fs::read_to_string(self.path(&format!("{}.log", Swarm::name(node)))).unwrap()
     }
 
-    /// Gives all relays between one side and the rest.
+    /// Returns all relays between one side and the rest.
     pub fn border<'a>(&'a self, side: &'a [Sender]) -> impl Iterator<Item = &'a Relay> {
         let crosses = |(a, b): &(Sender, Sender)| side.contains(a) != side.contains(b);
         self.relays.iter().filter(move |(ends, _)| crosses(ends)).map(|(_, relay)| relay)
@@ -479,7 +479,7 @@ impl Swarm {
         assert!(run.status.success(), "order {words:?}: {}", String::from_utf8_lossy(&run.stderr));
     }
 
-    /// Gives an order that is refused as bad usage; gives what is said of it.
+    /// Returns an order that is refused as bad usage; returns what is said of it.
     pub fn refused(&self, words: &[&str]) -> String {
         let mut program = Command::new(PROGRAM);
         let run = program.args(["order", "operator.toml"]).args(words).current_dir(self.folder.path());
@@ -488,7 +488,7 @@ impl Swarm {
         String::from_utf8_lossy(&run.stderr).into_owned()
     }
 
-    /// Runs an operator's tool to its end, however it ends; gives what it prints.
+    /// Runs an operator's tool to its end, however it ends; returns what it prints.
     pub fn tool(&self, words: &[&str]) -> String {
         let run = Command::new(PROGRAM).args(words).current_dir(self.folder.path()).output().unwrap();
         String::from_utf8_lossy(&run.stdout).into_owned()

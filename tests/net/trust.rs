@@ -19,7 +19,7 @@ fn name(text: &str) -> CommonName {
     text.parse().unwrap()
 }
 
-/// Gives a roster of the ground station and vehicle 3.
+/// Returns a roster of the ground station and vehicle 3.
 fn roster(authority: &Authority) -> Roster {
     ["ground.1", "vehicle-3.1"].into_iter().fold(Roster { issue: 1, ..Roster::default() }, |roster, text| {
         roster.admitting(authority.issue(name(text), &[]).unwrap().entry).unwrap()
@@ -146,7 +146,7 @@ fn a_node_may_write_only_its_own_keys() {
     assert_eq!(access_rules(&revoked, "yard", Topology::Mesh).len(), 1);
 }
 
-/// Runs `tomoswarm enroll` in a folder; gives its exit code and all that it said.
+/// Runs `tomoswarm enroll` in a folder; returns its exit code and all that it said.
 fn enroll(folder: &Path, arguments: &str) -> (i32, String) {
     let program = env!("CARGO_BIN_EXE_tomoswarm");
     let venue = format!("{}/configs/courtyard.venue.toml", env!("CARGO_MANIFEST_DIR"));
@@ -170,7 +170,7 @@ fn bad(folder: &Path, arguments: &str, part: &str) {
     assert_eq!(tree(folder), before, "{arguments} has changed files");
 }
 
-/// Gives every file under a folder, with its mode and its content.
+/// Returns every file under a folder, with its mode and its content.
 fn tree(folder: &Path) -> Vec<(String, u32, Vec<u8>)> {
     let mut found = Vec::new();
     for entry in fs::read_dir(folder).unwrap() {

@@ -38,7 +38,7 @@ fn built(name: &str) -> (Sim, Scene) {
     (sim, scene)
 }
 
-/// Tells whether a disc can be moved along a way without touching what a rover would touch.
+/// Returns whether a disc can be moved along a way without touching what a rover would touch.
 fn passes(scene: &Scene, from: (f64, f64), to: (f64, f64), radius_m: f64) -> bool {
     let way = Segment::new(Point::new(from.0, from.1), Point::new(to.0, to.1));
     scene.first_contact(way, radius_m, 0.02, 0.3).is_none()

@@ -65,13 +65,13 @@ impl Place {
         self
     }
 
-    /// Says how many vehicles there are.
+    /// Returns how many vehicles there are.
     pub fn vehicles(mut self, vehicles: usize) -> Place {
         self.vehicles = vehicles;
         self
     }
 
-    /// Says how many positions the ring has.
+    /// Returns how many positions the ring has.
     pub fn positions(mut self, positions: usize) -> Place {
         self.positions = positions;
         self
@@ -102,7 +102,7 @@ impl Place {
         self
     }
 
-    /// Says which seed is run.
+    /// Returns which seed is run.
     pub fn seed(mut self, seed: u64) -> Place {
         self.seed = seed;
         self

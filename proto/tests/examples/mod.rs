@@ -295,7 +295,7 @@ fn image() -> Image {
     }
 }
 
-/// Gives one message of every kind with the names of their golden files.
+/// Returns one message of every kind with the names of their golden files.
 pub fn examples() -> Vec<(&'static str, Message)> {
     // A free stretch, cells all different, and an unknown rest.
     let cell = |index: usize| match index {
@@ -326,7 +326,7 @@ pub fn examples() -> Vec<(&'static str, Message)> {
     ]
 }
 
-/// Gives further messages of kinds whose bytes depend on a choice, with the names of their golden files.
+/// Returns further messages of kinds whose bytes depend on a choice, with the names of their golden files.
 pub fn variants() -> Vec<(&'static str, Message)> {
     let operator = Hello {
         node: Sender::Operator(OperatorId(1)),

@@ -107,7 +107,7 @@ fn beacon() -> Beacon {
     }
 }
 
-/// Gives samples that take the most bytes.
+/// Returns samples that take the most bytes.
 pub fn samples(count: u64) -> Samples {
     let sample = |back| Sample {
         sequence: u64::MAX - back,
@@ -220,7 +220,7 @@ fn report() -> Report {
     }
 }
 
-/// Gives a task of so many places, each as far away as may be.
+/// Returns a task of so many places, each as far away as may be.
 pub fn task(places: Vec<Position>) -> Task {
     Task {
         lease: lease(),
@@ -283,7 +283,7 @@ fn plan() -> Plan {
     }
 }
 
-/// Gives the longest message of every kind, in the order of the kinds; a plan may be as long as a frame.
+/// Returns the longest message of every kind, in the order of the kinds; a plan may be as long as a frame.
 pub fn extremes() -> Vec<Message> {
     let layer = LayerId { vehicle: VehicleId(255), boot: Boot(u32::MAX) };
     let address = TileAddress { slice: i16::MIN, x: i32::MIN, y: i32::MIN };

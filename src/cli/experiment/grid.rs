@@ -73,7 +73,7 @@ impl Grid {
         Ok(Grid { config: config.to_owned(), experiment, files })
     }
 
-    /// Gives the experiment.
+    /// Returns the experiment.
     pub(super) fn experiment(&self) -> &Experiment {
         &self.experiment
     }
@@ -143,7 +143,7 @@ impl Grid {
         Scenario::new(sim, shapes.shapes.clone(), seed).map_err(refused)
     }
 
-    /// Gives a hash over all files that have been read, without their names; complete once the grid is checked.
+    /// Returns a hash over all files that have been read, without their names; complete once the grid is checked.
     /// (FNV-1a, 64 bits.)
     pub(super) fn hash(&self) -> u64 {
         let files = self.files.lock().unwrap_or_else(PoisonError::into_inner);

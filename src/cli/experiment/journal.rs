@@ -48,7 +48,7 @@ impl Header {
         Header { experiment_journal: FORM, version, config_hash: format!("{hash:016x}"), runs }
     }
 
-    /// Says what is not as in another one.
+    /// Returns what is not as in another one.
     fn difference(&self, other: &Header) -> Option<String> {
         if self.experiment_journal != other.experiment_journal || self.version != other.version {
             return Some(format!("it was begun by version {}, this is {}", self.version, other.version));
@@ -67,7 +67,7 @@ pub(super) struct Journal {
 }
 
 impl Journal {
-    /// Opens the journal in a folder, and gives the runs that are finished.
+    /// Opens the journal in a folder, and returns the runs that are finished.
     ///
     /// # Errors
     /// The folder cannot be used, or what is there is not of this experiment.

@@ -26,7 +26,7 @@ pub(super) enum End {
 }
 
 impl End {
-    /// Gives the word for it.
+    /// Returns the word for it.
     pub(super) fn word(self) -> &'static str {
         match self {
             End::Finished => "finished",
@@ -123,12 +123,12 @@ impl Row {
         }
     }
 
-    /// Gives the share of the visible cells that was found, 0 to 1; `None` when nothing can be seen.
+    /// Returns the share of the visible cells that was found, 0 to 1; `None` when nothing can be seen.
     pub(super) fn share(&self) -> Option<f64> {
         share(self.detected_cells, self.visible_cells)
     }
 
-    /// Gives the share of what was in range along the tracks that was found, 0 to 1; `None` when nothing was.
+    /// Returns the share of what was in range along the tracks that was found, 0 to 1; `None` when nothing was.
     pub(super) fn route_share(&self) -> Option<f64> {
         share(self.route_detected_cells, self.route_cells)
     }
@@ -180,7 +180,7 @@ const FIELDS: [&str; 17] = [
 /// How missions end, best first.
 pub(super) const ENDS: [&str; 6] = ["done", "stopped", "no way", "gave up", "refused", "under way"];
 
-/// Gives the word for the worst end of all vehicles' missions; nothing when none has ended.
+/// Returns the word for the worst end of all vehicles' missions; nothing when none has ended.
 fn worst_of(missions: &[Mission]) -> String {
     let rank = |(_, end): &Mission| match end.as_ref().map(|(_, end)| end) {
         Some(mission::End::Done) => 0,
@@ -210,7 +210,7 @@ fn length_m(track: &[Point]) -> f64 {
     track.windows(2).fold(0.0, |sum, pair| sum + pair[0].distance_to(pair[1]))
 }
 
-/// Gives the distance from a place to the nearest person's side, metres.
+/// Returns the distance from a place to the nearest person's side, metres.
 fn to_nearest_m(persons: &[Person], at: Point) -> f64 {
     let to_side_m = |person: &Person| person.at.distance_to(at) - person.radius_m;
     persons.iter().map(to_side_m).fold(f64::INFINITY, f64::min)
@@ -224,7 +224,7 @@ fn quoted(text: &str) -> String {
     text.to_owned()
 }
 
-/// Gives all runs as CSV, a row each; `rows` are in grid order.
+/// Returns all runs as CSV, a row each; `rows` are in grid order.
 pub(super) fn csv(experiment: &Experiment, rows: &[Row]) -> String {
     let axes = Axis::ALL.map(Axis::word).join(",");
     let mut text = format!("run,{axes},{}\n", FIELDS.join(","));

@@ -15,7 +15,7 @@ pub(super) struct Cache {
 }
 
 impl Cache {
-    /// Gives what can be seen in a run. Who asks for the same at the same time waits for the first.
+    /// Returns what can be seen in a run. Who asks for the same at the same time waits for the first.
     ///
     /// # Errors
     /// The scene cannot be built.

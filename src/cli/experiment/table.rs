@@ -34,7 +34,7 @@ in range along the driven tracks. clear: least distance between a body and an ob
 contact, with a command over the fence.
 ";
 
-/// Gives the table of some runs in grid order, grouped by axes.
+/// Returns the table of some runs in grid order, grouped by axes.
 pub(super) fn text(experiment: &Experiment, rows: &[Row], by: &[Axis]) -> String {
     let groups = grouped(experiment, rows, by);
     let head: Vec<String> = by.iter().map(|axis| axis.word()).chain(HEAD).map(str::to_owned).collect();

@@ -39,7 +39,7 @@ fn sim(grid: &Experiment, cell: usize) -> Sim {
     grid.sim(cell, &mut load).unwrap()
 }
 
-/// Gives what is wrong with an experiment's file, one line each.
+/// Returns what is wrong with an experiment's file, one line each.
 fn wrong(rest: &str) -> String {
     let text = format!("kind = \"experiment\"\nsim = \"courtyard.sim.toml\"\n{rest}");
     read_experiment(FILE, &text).unwrap_err().to_string()

@@ -152,7 +152,7 @@ impl Keys for Draw {
     fn others(&mut self, _: &mut Layer, _: Others) {}
 }
 
-/// Changes some values of a configuration, and gives which.
+/// Changes some values of a configuration, and returns which.
 fn draw(config: &mut Config, seed: u64, one_in: u64) -> Vec<String> {
     let mut draw = Draw::new(seed, one_in);
     match config {
@@ -222,7 +222,7 @@ outline_m = [[0, 0], [4, 0], [4, 4]]
 count = 3
 ";
 
-/// Gives every bundled file, and some that use what those do not.
+/// Returns every bundled file, and some that use what those do not.
 fn samples() -> Vec<(String, String)> {
     let root = env!("CARGO_MANIFEST_DIR");
     let mut all = Vec::new();

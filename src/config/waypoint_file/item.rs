@@ -38,12 +38,12 @@ pub(super) struct RawItem {
     pub(super) params: [Option<f64>; 7],
 }
 
-/// Gives the name of a field of an item, as it stands in messages.
+/// Returns the name of a field of an item, as it stands in messages.
 pub(super) fn key_of(origin: &Origin, field: &str) -> String {
     if origin.path.is_empty() { field.to_owned() } else { format!("{}.{field}", origin.path) }
 }
 
-/// Gives the name of a parameter of an item.
+/// Returns the name of a parameter of an item.
 pub(super) fn param_key(origin: &Origin, index: usize) -> String {
     if origin.path.is_empty() {
         COLUMNS[index].to_owned()
@@ -52,7 +52,7 @@ pub(super) fn param_key(origin: &Origin, index: usize) -> String {
     }
 }
 
-/// Tells whether a place can be one of a mission.
+/// Returns whether a place can be one of a mission.
 pub(super) fn is_on_the_planet(place: Geodetic) -> bool {
     LATITUDE_DEG.contains(&place.latitude_deg)
         && LONGITUDE_DEG.contains(&place.longitude_deg)
@@ -60,7 +60,7 @@ pub(super) fn is_on_the_planet(place: Geodetic) -> bool {
 }
 
 impl RawItem {
-    /// Gives the item its meaning; notes all that is wrong.
+    /// Returns the item its meaning; notes all that is wrong.
     pub(super) fn typed(&self, notes: &mut Notes) -> Option<MissionItem> {
         match self.command {
             16 => self.waypoint(notes),
@@ -242,7 +242,7 @@ impl RawItem {
     }
 }
 
-/// Gives frame, command and parameters of an item, as they are written.
+/// Returns frame, command and parameters of an item, as they are written.
 pub(super) fn numbers(item: &MissionItem) -> (u32, u32, [f64; 7]) {
     let placed = |command: u32, [first, second]: [f64; 2], target: &Target| {
         let spot = target.spot.unwrap_or(Spot { latitude_deg: 0.0, longitude_deg: 0.0 });
@@ -286,7 +286,7 @@ pub(super) fn numbers(item: &MissionItem) -> (u32, u32, [f64; 7]) {
     }
 }
 
-/// Gives an item in a few words, for messages.
+/// Returns an item in a few words, for messages.
 pub(super) fn shown(item: &MissionItem) -> String {
     let (_, command, _) = numbers(item);
     match item.spot() {

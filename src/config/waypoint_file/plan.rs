@@ -130,7 +130,7 @@ fn params(value: Option<&Value>, origin: &Origin, notes: &mut Notes) -> Option<[
     are_numbers.then_some(params)
 }
 
-/// Gives what was found as text; short, however large it is.
+/// Returns what was found as text; short, however large it is.
 fn text_of(value: Option<&Value>) -> String {
     match value {
         None => "nothing".to_owned(),

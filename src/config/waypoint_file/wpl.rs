@@ -11,7 +11,7 @@ const HEADER: &str = "QGC WPL 110";
 const FIELDS: &str = "index, current, frame, command, param1, param2, param3, param4, latitude, longitude, altitude, \
                       autocontinue";
 
-/// Gives the line of an item in a file as we write it: after the header and home.
+/// Returns the line of an item in a file as we write it: after the header and home.
 pub(super) fn origin_of(item: usize) -> Origin {
     Origin { line: item + 3, path: String::new() }
 }

@@ -77,22 +77,22 @@ impl Leases {
         Leases { own: last, highest: last, other: None, right, take_over, holder, operator: None }
     }
 
-    /// Tells whether orders and plans may be given.
+    /// Returns whether orders and plans may be given.
     pub fn holds(&self) -> bool {
         self.right == Right::Holding
     }
 
-    /// Tells whether another ground is waited for.
+    /// Returns whether another ground is waited for.
     pub fn stands_by(&self) -> bool {
         matches!(self.right, Right::StandingBy(_))
     }
 
-    /// Gives the lease held now, or held last (number 0 = none yet).
+    /// Returns the lease held now, or held last (number 0 = none yet).
     pub fn own(&self) -> Lease {
         self.own
     }
 
-    /// Gives the greatest lease heard.
+    /// Returns the greatest lease heard.
     pub fn highest(&self) -> Lease {
         self.highest
     }
@@ -218,7 +218,7 @@ mod tests {
         Time::ZERO + Duration::from_secs(seconds)
     }
 
-    /// Ticks once a second; gives what changed first, and when.
+    /// Ticks once a second; returns what changed first, and when.
     fn first_change(leases: &mut Leases, from_s: u64, until_s: u64) -> Option<(u64, Change)> {
         (from_s..until_s).find_map(|second| Some((second, leases.tick(at(second))?)))
     }

@@ -59,7 +59,7 @@ impl Station {
     }
 }
 
-/// Says why a run has failed whose vehicles have so ended; `None` = it has not. What no way leads to is found out, not
+/// Returns why a run has failed whose vehicles have so ended; `None` = it has not. What no way leads to is found out, not
 /// failed.
 fn why_failed(ends: &[(VehicleId, MissionEnd)]) -> Option<String> {
     let is_failed = |end: MissionEnd| match end {

@@ -153,7 +153,7 @@ impl Runs {
         self.0.iter().map(report).collect()
     }
 
-    /// Says why the newest run did not come to its end, if it did not.
+    /// Returns why the newest run did not come to its end, if it did not.
     pub fn trouble(&self) -> Option<String> {
         let (run, known) = self.0.last_key_value()?;
         let how = match known.end.filter(|_| !known.why.is_empty())? {

@@ -198,7 +198,7 @@ mod tests_support {
     use super::*;
     use crate::node::tests_support::settings;
 
-    /// Tells a mission of a vehicle at a place, facing along x, that knows nothing of the world; gives the next step.
+    /// Tells a mission of a vehicle at a place, facing along x, that knows nothing of the world; returns the next step.
     pub fn step(mission: &mut dyn MissionKind, seen: Seen, at: (f64, f64)) -> Step {
         step_at(mission, seen, at, Time::ZERO)
     }

@@ -189,7 +189,7 @@ impl Pilot {
         let _ = self.map.join(tile);
     }
 
-    /// Gives the way ahead.
+    /// Returns the way ahead.
     pub fn way(&self) -> &Way {
         &self.way
     }
@@ -220,27 +220,27 @@ impl Pilot {
         (self.looked, self.looks) = (false, 0);
     }
 
-    /// Gives how far the middle of the vehicle keeps from what stands there, metres.
+    /// Returns how far the middle of the vehicle keeps from what stands there, metres.
     pub fn keep_m(&self, pose: Pose) -> f64 {
         self.half_width_m(pose)
     }
 
-    /// Gives what is known of the world.
+    /// Returns what is known of the world.
     pub fn map(&self) -> &Merged {
         &self.map
     }
 
-    /// Tells how many searches in a row have found nothing on the way that can be reached.
+    /// Returns how many searches in a row have found nothing on the way that can be reached.
     pub fn failures(&self) -> u32 {
         self.failures
     }
 
-    /// Tells whether the vehicle refuses whatever path is found.
+    /// Returns whether the vehicle refuses whatever path is found.
     pub fn is_refused(&self) -> bool {
         self.refused_paths >= REFUSED_PATHS_MAX
     }
 
-    /// Gives up the way to the next stop, which cannot be reached; gives the stops at it.
+    /// Returns up the way to the next stop, which cannot be reached; returns the stops at it.
     pub fn skip(&mut self, place: Point) -> Vec<StopId> {
         (self.commanded_m, self.retreat_m) = (None, None);
         self.way.skip(place)
@@ -272,7 +272,7 @@ impl Pilot {
         self.search(now, pose);
     }
 
-    /// Tells how the way home looks.
+    /// Returns how the way home looks.
     pub fn way_home(&self, now: Time, state: &OwnState) -> WayHome {
         let (pose, home) = (state.pose, self.settings.home);
         let is_open = |peers| {
@@ -301,7 +301,7 @@ impl Pilot {
         self.commanded_at = now;
     }
 
-    /// Gives when to be asked again without any input.
+    /// Returns when to be asked again without any input.
     pub fn deadline(&self) -> Option<Deadline> {
         match &self.doing {
             Doing::Planning { ready, .. } => Some(Deadline { at: *ready, why: "path ready" }),
@@ -310,7 +310,7 @@ impl Pilot {
         }
     }
 
-    /// Goes on with what the vehicle says of itself; gives a command, if one is due.
+    /// Goes on with what the vehicle says of itself; returns a command, if one is due.
     pub fn advance(&mut self, now: Time, state: &OwnState, met: &mut Vec<Met>) -> Option<Command> {
         let pose = state.pose;
         let resting = !matches!(state.mode, Mode::Driving | Mode::Turning);
@@ -354,7 +354,7 @@ impl Pilot {
         met.extend(passed.into_iter().map(Met::Stop));
     }
 
-    /// Tells whether the last command has had time to show in the state.
+    /// Returns whether the last command has had time to show in the state.
     fn is_settled(&self, now: Time) -> bool {
         now.since(self.commanded_at) >= RETRY_AFTER
     }
@@ -503,7 +503,7 @@ impl Pilot {
         }
     }
 
-    /// Tells whether the way back out of a dead end has been driven.
+    /// Returns whether the way back out of a dead end has been driven.
     fn has_retreated(&self, release: &Release) -> bool {
         self.retreat_m.is_some_and(|end_m| self.way.along_m(end_m) - release.here_m < GO_M)
     }

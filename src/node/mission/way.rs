@@ -33,22 +33,22 @@ pub struct Way {
 }
 
 impl Way {
-    /// Tells whether nothing is ahead.
+    /// Returns whether nothing is ahead.
     pub fn is_empty(&self) -> bool {
         self.ahead.is_empty()
     }
 
-    /// Gives the corners ahead.
+    /// Returns the corners ahead.
     pub fn ahead(&self) -> impl Iterator<Item = &Corner> {
         self.ahead.iter()
     }
 
-    /// Gives the stops ahead.
+    /// Returns the stops ahead.
     pub fn stops(&self) -> impl Iterator<Item = StopId> {
         self.ahead.iter().flat_map(|corner| corner.stops.iter().copied())
     }
 
-    /// Gives the end of the way.
+    /// Returns the end of the way.
     pub fn end(&self) -> Point {
         self.ahead.back().map_or(self.behind, |corner| corner.at)
     }
@@ -72,7 +72,7 @@ impl Way {
         self.behind = from;
     }
 
-    /// Leaves out what is ahead up to the next stop, from a place where the vehicle rests; gives the stops there.
+    /// Leaves out what is ahead up to the next stop, from a place where the vehicle rests; returns the stops there.
     pub fn skip(&mut self, place: Point) -> Vec<StopId> {
         self.behind = place;
         while let Some(corner) = self.ahead.pop_front() {
@@ -88,7 +88,7 @@ impl Way {
         *self = Way { behind: place, ahead: VecDeque::new(), behind_m: self.behind_m };
     }
 
-    /// Takes the place where the vehicle is; gives the stops that it has passed by that.
+    /// Takes the place where the vehicle is; returns the stops that it has passed by that.
     pub fn pass(&mut self, place: Point) -> Vec<StopId> {
         let mut passed = Vec::new();
         while let Some(next) = self.ahead.front() {
@@ -106,7 +106,7 @@ impl Way {
         passed
     }
 
-    /// Ends the way here: the vehicle rests near enough to the end; gives the stops passed by that.
+    /// Ends the way here: the vehicle rests near enough to the end; returns the stops passed by that.
     pub fn arrive(&mut self) -> Vec<StopId> {
         let passed = self.ahead.iter().flat_map(|corner| corner.stops.iter().copied()).collect();
         let end = self.end();
@@ -116,7 +116,7 @@ impl Way {
         passed
     }
 
-    /// Gives the corners from the one passed last to the end.
+    /// Returns the corners from the one passed last to the end.
     pub fn points(&self) -> Vec<Point> {
         std::iter::once(self.behind).chain(self.ahead.iter().map(|corner| corner.at)).collect()
     }
@@ -127,22 +127,22 @@ impl Way {
         self.ahead.iter().map(move |corner| Segment::new(std::mem::replace(&mut from, corner.at), corner.at))
     }
 
-    /// Gives the odometer at a length along [`Way::points`], metres.
+    /// Returns the odometer at a length along [`Way::points`], metres.
     pub fn odometer_m(&self, along_m: f64) -> f64 {
         self.behind_m + along_m
     }
 
-    /// Gives the length along [`Way::points`] at an odometer value, metres.
+    /// Returns the length along [`Way::points`] at an odometer value, metres.
     pub fn along_m(&self, odometer_m: f64) -> f64 {
         odometer_m - self.behind_m
     }
 
-    /// Gives the whole length, metres.
+    /// Returns the whole length, metres.
     pub fn length_m(&self) -> f64 {
         self.pieces().map(|piece| piece.from.distance_to(piece.to)).sum()
     }
 
-    /// Gives the corners from a place on the way to a length along it: a route to command.
+    /// Returns the corners from a place on the way to a length along it: a route to command.
     pub fn until(&self, from: Point, here_m: f64, until_m: f64) -> Vec<Point> {
         let mut route = vec![from];
         let mut start_m = 0.0;

@@ -69,7 +69,7 @@ impl Rig {
         self.carry_out(out);
     }
 
-    /// Answers what is wanted of the disk; gives what goes to the bus.
+    /// Answers what is wanted of the disk; returns what goes to the bus.
     fn carry_out(&mut self, out: Vec<Out>) -> Vec<Samples> {
         let mut published = Vec::new();
         for said in out {
@@ -96,7 +96,7 @@ impl Rig {
         self.tell(In::Recalled(Recalled { samples, is_end }));
     }
 
-    /// Lets it act at its next deadline; gives the batches.
+    /// Lets it act at its next deadline; returns the batches.
     fn flush(&mut self) -> Vec<Samples> {
         let Some(deadline) = self.outbox.deadline() else { return Vec::new() };
         self.now = self.now.max(deadline.at);
@@ -105,7 +105,7 @@ impl Rig {
         self.carry_out(out)
     }
 
-    /// Flushes for some seconds; gives the sequences in the order in which they were sent.
+    /// Flushes for some seconds; returns the sequences in the order in which they were sent.
     fn sent(&mut self, seconds: usize) -> Vec<u64> {
         let batches: Vec<Samples> = (0..seconds).flat_map(|_| self.flush()).collect();
         batches.iter().flat_map(|batch| batch.samples.iter().map(|sample| sample.sequence)).collect()

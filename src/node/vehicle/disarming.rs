@@ -71,7 +71,7 @@ mod tests {
     use super::*;
     use crate::geom::{Angle, Point, Pose};
 
-    /// Gives the tenths of a second at which the autopilot is told.
+    /// Returns the tenths of a second at which the autopilot is told.
     fn told(mut disarming: Disarming, motion: Motion, is_armed: bool) -> Vec<u32> {
         let pose = Pose { at: Point::new(0.0, 0.0), heading: Angle::default(), sd_m: 0.05 };
         let telemetry = Telemetry { pose, speed_mps: 0.0, battery: 1.0, motion, is_armed };

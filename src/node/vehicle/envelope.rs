@@ -69,7 +69,7 @@ impl Vehicle {
         Ok(())
     }
 
-    /// Tells whether a route keeps its distance from a peer, or at least leads away from it.
+    /// Returns whether a route keeps its distance from a peer, or at least leads away from it.
     fn keeps_clear_of(&self, route: &Track, pose: Pose, peer: &Peer) -> bool {
         let Some(claim) = Track::new(peer.claim.clone()) else { return true };
         let nearest_m = route.distance_to(&claim);

@@ -51,7 +51,7 @@ pub struct Bump {
 }
 
 impl Bump {
-    /// Tells whether a way keeps clear, or at least never comes nearer than `here_m`, metres.
+    /// Returns whether a way keeps clear, or at least never comes nearer than `here_m`, metres.
     pub fn is_passed_by(&self, way: Segment, here_m: f64) -> bool {
         way.distance_to_point(self.at) >= self.keep_m.min(here_m) - 1e-3
     }

@@ -13,7 +13,7 @@ fn bounds() -> CellRect {
     CellRect::new(Cell::new(-25, -30), Cell::new(41, 50))
 }
 
-/// Writes a rectangle of one tile; gives the tile's cells.
+/// Writes a rectangle of one tile; returns the tile's cells.
 fn write(
     map: &mut Merged,
     revision: u32,

@@ -50,7 +50,7 @@ impl Ground {
     }
 }
 
-/// Gives the least cost in cells.
+/// Returns the least cost in cells.
 fn dijkstra(ground: &Ground, from: Place, to: Place, rules: &Rules) -> Option<f64> {
     let escape = ground.is_only_near(from) && rules.escape_m > 0.0;
     let near_start = |at: Place| f64::from((at.0 - from.0).pow(2) + (at.1 - from.1).pow(2)).sqrt() * CELL_M;

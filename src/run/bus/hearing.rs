@@ -153,7 +153,7 @@ mod tests {
     const THREE: Sender = Sender::Vehicle(VehicleId(3));
     const TOOL: Sender = Sender::Operator(OperatorId(1));
 
-    /// Looks every second, with the same links, while some are heard; gives when and why sessions were opened anew.
+    /// Looks every second, with the same links, while some are heard; returns when and why sessions were opened anew.
     fn opened(
         hearing: &mut Hearing,
         seconds: std::ops::Range<u64>,

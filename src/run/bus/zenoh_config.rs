@@ -10,7 +10,7 @@ const MESSAGE_MAX: usize = 1 << 20;
 /// Size of the kernel's buffers of a link, bytes: small, so that orders do not queue behind tiles.
 const SOCKET_BUFFER: usize = 32 << 10;
 
-/// Gives the settings as JSON.
+/// Returns the settings as JSON.
 pub fn session(settings: &BusSettings, is_hub: bool) -> Value {
     let mode = match (settings.topology, is_hub) {
         (Topology::Mesh, _) => "peer",

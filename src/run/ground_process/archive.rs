@@ -119,7 +119,7 @@ impl Archive {
         }
     }
 
-    /// Stores samples; gives whether they are stored.
+    /// Stores samples; returns whether they are stored.
     pub(super) fn keep_samples(&self, batches: &[Samples]) -> bool {
         let taken = lock(&self.disk).store.take(batches);
         let is_stored = taken.is_ok();

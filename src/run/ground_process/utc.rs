@@ -41,7 +41,7 @@ impl Clocks {
         }
     }
 
-    /// Takes a batch that came when the steady clock showed `steady` and it was `utc_s`; gives a better estimate of its
+    /// Takes a batch that came when the steady clock showed `steady` and it was `utc_s`; returns a better estimate of its
     /// sender's clock, if it is one. Samples that are told again, or of an older start, give none.
     pub(super) fn take(&mut self, steady: Duration, utc_s: f64, batch: &Samples) -> Option<UtcOffset> {
         self.look_for_step(utc_s - steady.as_secs_f64());

@@ -96,7 +96,7 @@ impl WorldLink {
         is_carried
     }
 
-    /// Gives how the link stands.
+    /// Returns how the link stands.
     pub fn state(&self) -> LinkState {
         self.shared.lock().state.clone()
     }
@@ -114,7 +114,7 @@ impl Drop for WorldLink {
     }
 }
 
-/// Gives the word for what a vehicle wants done, if the world does it.
+/// Returns the word for what a vehicle wants done, if the world does it.
 fn word(effect: &Effect) -> Option<ToWorld> {
     match effect {
         Effect::Command(command) => Some(ToWorld::Autopilot(command.clone())),
@@ -134,7 +134,7 @@ fn word(effect: &Effect) -> Option<ToWorld> {
     }
 }
 
-/// Gives what a vehicle is told by a word of the world; `None` for what is not for its actors.
+/// Returns what a vehicle is told by a word of the world; `None` for what is not for its actors.
 fn event(word: FromWorld) -> Option<Event> {
     match word {
         FromWorld::Autopilot(report) => Some(Event::Report(report)),
@@ -176,7 +176,7 @@ impl Shared {
         }
     }
 
-    /// One connection from its beginning to its end; gives why the world refused it, or what went wrong.
+    /// One connection from its beginning to its end; returns why the world refused it, or what went wrong.
     fn session(&self) -> Result<Refused, String> {
         let mut stream = self.open().map_err(|error| format!("{}: {error}", self.settings.address))?;
         loop {

@@ -90,7 +90,7 @@ impl Places {
         })))
     }
 
-    /// Says where a node listens and what it connects to: the ground station, unless it is the one that listens there, and
+    /// Returns where a node listens and what it connects to: the ground station, unless it is the one that listens there, and
     /// in a mesh `others`, so that vehicles find each other without it too.
     fn bus(&self, sim: &Sim, own: Option<u16>, others: &[u16]) -> BusFile {
         let is_ground = own == Some(self.ground_port);

@@ -124,7 +124,7 @@ fn links_of_empty(scenario: &Scenario, store: &GroundStore) -> Result<(u64, Vec<
     if scenario.sim().empty_sweep { links(scenario, store, EMPTY_RUN) } else { Ok((0, Vec::new())) }
 }
 
-/// Gives how many samples a run has, and its links, in the bins in which the ground station pools them.
+/// Returns how many samples a run has, and its links, in the bins in which the ground station pools them.
 fn links(scenario: &Scenario, store: &GroundStore, run: RunId) -> Result<(u64, Vec<Link>), StoreError> {
     let mut bins = LinkBins::new(scenario.sim().imaging.bin_m, SPOT_M);
     let mut count = 0;

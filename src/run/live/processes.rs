@@ -241,7 +241,7 @@ impl Process {
         Dead { name: self.name.clone(), how, last_words: last_lines(&self.log) }
     }
 
-    /// Gives how it ended, if it has.
+    /// Returns how it ended, if it has.
     fn look(&mut self) -> Option<ExitStatus> {
         if self.ended.is_none() {
             // One that cannot be asked for is taken for alive, and killed in the end.
@@ -291,7 +291,7 @@ fn end(group: &mut [&mut Process], within: Duration) -> Vec<Ended> {
     each.collect()
 }
 
-/// Gives ports of this machine that nobody listens at now.
+/// Returns ports of this machine that nobody listens at now.
 ///
 /// # Errors
 /// There are none.

@@ -17,7 +17,7 @@ pub struct AccessRule {
     pub reads: Vec<String>,
 }
 
-/// Gives the rules of all certificates of a roster; `venue` is the name of the venue.
+/// Returns the rules of all certificates of a roster; `venue` is the name of the venue.
 ///
 /// A node writes under its own keys ([`written_by`]) and reads everything of its venue: who hears what is the table's
 /// ([`crate::exchange::table`]), and a kind that the roster's authority does not know yet must pass. In a star everything comes to a vehicle through

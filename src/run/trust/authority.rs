@@ -83,17 +83,17 @@ impl Authority {
         Ok(Authority { certificate, certificate_pem: certificate_pem.to_owned(), issuer })
     }
 
-    /// Gives its certificate.
+    /// Returns its certificate.
     pub fn certificate(&self) -> &Certificate {
         &self.certificate
     }
 
-    /// Gives its certificate, which every node gets (PEM).
+    /// Returns its certificate, which every node gets (PEM).
     pub fn certificate_pem(&self) -> &str {
         &self.certificate_pem
     }
 
-    /// Gives its private key, which nobody gets (PKCS #8, PEM).
+    /// Returns its private key, which nobody gets (PKCS #8, PEM).
     pub fn key_pem(&self) -> String {
         self.issuer.key().serialize_pem()
     }
@@ -116,7 +116,7 @@ impl Authority {
         Ok(Issued { entry, certificate_pem, key_pem: key.serialize_pem() })
     }
 
-    /// Gives a roster as text, signed.
+    /// Returns a roster as text, signed.
     ///
     /// # Errors
     /// The key cannot sign.
@@ -127,7 +127,7 @@ impl Authority {
     }
 }
 
-/// Tells whether a text is an IP address or a host name that a certificate may carry.
+/// Returns whether a text is an IP address or a host name that a certificate may carry.
 pub fn is_host(text: &str) -> bool {
     text.parse::<IpAddr>().is_ok() || crate::config::is_host(text)
 }
@@ -150,7 +150,7 @@ fn alternative_names(hosts: &[String]) -> Result<Vec<SanType>, AuthorityError> {
     Ok(names)
 }
 
-/// Gives what all certificates share: they hold for ever, since a Pi has no clock (RFC 5280, 4.1.2.5: 9999 is for ever).
+/// Returns what all certificates share: they hold for ever, since a Pi has no clock (RFC 5280, 4.1.2.5: 9999 is for ever).
 fn params(common_name: &str, serial: &[u8]) -> CertificateParams {
     let mut params = CertificateParams::default();
     let mut name = DistinguishedName::new();
@@ -162,7 +162,7 @@ fn params(common_name: &str, serial: &[u8]) -> CertificateParams {
     params
 }
 
-/// Gives a random serial number: positive, and never shorter than it looks.
+/// Returns a random serial number: positive, and never shorter than it looks.
 fn random_serial() -> Result<[u8; 16], AuthorityError> {
     let mut serial = [0; 16];
     SystemRandom::new().fill(&mut serial).map_err(|_| AuthorityError::Random)?;

@@ -114,20 +114,20 @@ impl Certificate {
         }
     }
 
-    /// Tells whether the owner of this certificate has signed a text.
+    /// Returns whether the owner of this certificate has signed a text.
     pub fn has_signed(&self, text: &[u8], signature: &[u8]) -> bool {
         UnparsedPublicKey::new(&ECDSA_P256_SHA256_ASN1, &self.public_key).verify(text, signature).is_ok()
     }
 }
 
-/// Gives the fingerprint of a certificate's bytes (DER).
+/// Returns the fingerprint of a certificate's bytes (DER).
 pub(super) fn fingerprint(der: &[u8]) -> Fingerprint {
     let mut bytes = [0; 32];
     bytes.copy_from_slice(digest(&SHA256, der).as_ref());
     Fingerprint(bytes)
 }
 
-/// Gives bytes as lower-case hexadecimal digits.
+/// Returns bytes as lower-case hexadecimal digits.
 pub(super) fn to_hex(bytes: &[u8]) -> String {
     bytes.iter().map(|byte| format!("{byte:02x}")).collect()
 }

@@ -34,7 +34,7 @@ impl NewFile {
     }
 }
 
-/// Gives the text of a file of at most 4 MiB.
+/// Returns the text of a file of at most 4 MiB.
 ///
 /// # Errors
 /// It cannot be read, is larger, or is no UTF-8.
@@ -105,7 +105,7 @@ impl Lock {
     }
 }
 
-/// Tells whether a file can be read by users who are neither its owner nor of its group.
+/// Returns whether a file can be read by users who are neither its owner nor of its group.
 pub(super) fn is_open_to_others(path: &Path) -> io::Result<bool> {
     Ok(fs::metadata(path)?.mode() & 0o007 != 0)
 }
@@ -117,7 +117,7 @@ fn write_file(path: &Path, file: &NewFile) -> io::Result<()> {
     written.sync_all()
 }
 
-/// Gives the name under which something is written until it is whole.
+/// Returns the name under which something is written until it is whole.
 fn beside(path: &Path) -> io::Result<PathBuf> {
     let name = path.file_name().ok_or(io::ErrorKind::InvalidInput)?;
     let mut hidden = std::ffi::OsString::from(".");

@@ -101,12 +101,12 @@ impl Roster {
         }
     }
 
-    /// Gives the certificate of a node that is allowed.
+    /// Returns the certificate of a node that is allowed.
     pub fn of(&self, node: Sender) -> Option<&Entry> {
         self.allowed.iter().find(|entry| entry.name.node == node)
     }
 
-    /// Gives the name that the next certificate of a node gets: one that none had before.
+    /// Returns the name that the next certificate of a node gets: one that none had before.
     ///
     /// # Errors
     /// It has one that is allowed and not to be replaced; no numbers are left.
@@ -120,7 +120,7 @@ impl Roster {
         Ok(CommonName { node, issue })
     }
 
-    /// Gives the next issue, in which a certificate is allowed and the node's former one is not.
+    /// Returns the next issue, in which a certificate is allowed and the node's former one is not.
     ///
     /// # Errors
     /// The roster is full.
@@ -134,7 +134,7 @@ impl Roster {
         Ok(next)
     }
 
-    /// Gives the next issue, in which a node is not allowed.
+    /// Returns the next issue, in which a node is not allowed.
     ///
     /// # Errors
     /// It was not allowed before.
@@ -159,7 +159,7 @@ impl Roster {
         Ok(next)
     }
 
-    /// Gives its text without a signature; what is signed.
+    /// Returns its text without a signature; what is signed.
     pub(super) fn unsigned_text(&self) -> String {
         let mut text = format!("{TITLE}\nissue {}\n", self.issue);
         for Entry { name, serial, fingerprint } in &self.allowed {

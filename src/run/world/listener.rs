@@ -146,7 +146,7 @@ impl Connection {
         }
     }
 
-    /// Hands on what is said until the connection ends; gives what it is told if that was its own fault.
+    /// Hands on what is said until the connection ends; returns what it is told if that was its own fault.
     fn listen(&self, stream: &mut TcpStream) -> Option<Refused> {
         loop {
             let frame = match read_frame(stream) {

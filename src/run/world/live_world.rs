@@ -159,7 +159,7 @@ impl LiveWorld {
         self.environment.let_persons_enter(self.now, &mut Vec::new());
     }
 
-    /// Tells how it is going.
+    /// Returns how it is going.
     pub fn status(&mut self) -> Status {
         let separation_m = self.environment.min_separation_m(self.now);
         let (world, counts) = (self.environment.world(), self.environment.counts());

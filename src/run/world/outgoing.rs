@@ -70,7 +70,7 @@ impl Outgoing {
         }
     }
 
-    /// Gives how many frames were dropped.
+    /// Returns how many frames were dropped.
     #[cfg(test)]
     pub fn dropped(&self) -> u64 {
         self.lock().dropped

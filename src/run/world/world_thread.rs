@@ -80,7 +80,7 @@ impl WorldThread {
         }
     }
 
-    /// Runs the world until it is ended; gives how it went.
+    /// Runs the world until it is ended; returns how it went.
     pub fn run(mut self, inbox: &Receiver<Inbound>) -> Status {
         while !self.is_ended {
             let wait = self.world.next_at().since(self.now());

@@ -24,7 +24,7 @@ fn scene_of(read: &VrmlScene) -> Scene {
     Scene::build(&parts).unwrap()
 }
 
-/// Gives the surface of the only shape, in the file's own coordinates.
+/// Returns the surface of the only shape, in the file's own coordinates.
 fn surface(geometry: &str) -> Mesh {
     read_up(geometry, Up::Z).unwrap().shapes[0].shape.surface()
 }

@@ -26,29 +26,29 @@ pub struct Climb {
 }
 
 impl Climb {
-    /// Gives an altitude that does not change.
+    /// Returns an altitude that does not change.
     pub fn level(altitude_m: f64) -> Climb {
         Climb { since: Time::ZERO, from_m: altitude_m, to_m: altitude_m, rate_mps: 1.0 }
     }
 
-    /// Gives when it is over.
+    /// Returns when it is over.
     pub fn until(&self) -> Time {
         self.since + Duration::from_secs_f64((self.to_m - self.from_m).abs() / self.rate_mps)
     }
 
-    /// Gives the altitude at a moment, metres.
+    /// Returns the altitude at a moment, metres.
     pub fn altitude_m(&self, at: Time) -> f64 {
         let way_m = at.since(self.since).as_secs_f64() * self.rate_mps;
         let whole_m = self.to_m - self.from_m;
         if way_m >= whole_m.abs() { self.to_m } else { self.from_m + way_m.copysign(whole_m) }
     }
 
-    /// Gives when an altitude between its ends is passed.
+    /// Returns when an altitude between its ends is passed.
     pub fn time_at(&self, altitude_m: f64) -> Time {
         self.since + Duration::from_secs_f64((altitude_m - self.from_m).abs() / self.rate_mps)
     }
 
-    /// Gives how fast the altitude changes at a moment, m/s.
+    /// Returns how fast the altitude changes at a moment, m/s.
     pub fn climb_mps(&self, at: Time) -> f64 {
         if at < self.since || at >= self.until() {
             0.0
@@ -58,7 +58,7 @@ impl Climb {
     }
 }
 
-/// Gives how a copter lies that faces and moves like this in a wind: it leans so that its thrust carries its
+/// Returns how a copter lies that faces and moves like this in a wind: it leans so that its thrust carries its
 /// acceleration and the drag of its air speed.
 pub fn leaning(body: &Body, state: BodyState, at: Time, wind: Vector) -> Attitude {
     let moves = Vector::polar(state.heading, state.speed_mps);

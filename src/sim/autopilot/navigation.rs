@@ -42,14 +42,14 @@ impl Navigation {
         Navigation { outages, growth_mps, ..self }
     }
 
-    /// Gives the standard deviation of each coordinate, metres.
+    /// Returns the standard deviation of each coordinate, metres.
     pub fn sd_m(&self, now: Time) -> f64 {
         let lost = self.outages.iter().filter(|outage| outage.from <= now && now < outage.until);
         let longest_s = lost.map(|outage| now.since(outage.from).as_secs_f64()).fold(0.0, f64::max);
         self.sd_m + self.growth_mps * longest_s
     }
 
-    /// Gives the believed place less the true one.
+    /// Returns the believed place less the true one.
     pub fn error(&self, now: Time) -> Vector {
         let sd_m = self.sd_m(now);
         let drift = |purpose| {
@@ -59,7 +59,7 @@ impl Navigation {
         Vector::new(drift(Purpose::PoseX), drift(Purpose::PoseY))
     }
 
-    /// Gives the first moment after `after` at which the deviation comes to exceed a limit.
+    /// Returns the first moment after `after` at which the deviation comes to exceed a limit.
     pub fn lost_at(&self, after: Time, limit_m: f64) -> Option<Time> {
         if self.growth_mps <= 0.0 {
             return None;

@@ -112,7 +112,7 @@ impl Autopilot {
         CommandAck::Accepted
     }
 
-    /// Tells whether there is a mission that could be flown from here: from the ground a copter must take off first.
+    /// Returns whether there is a mission that could be flown from here: from the ground a copter must take off first.
     fn can_begin(&self) -> bool {
         let first = self.items.iter().skip(self.item.max(1)).find(|item| item.takes_time());
         let stands = self.settings.kind == Kind::Copter && self.is_armed && self.is_landed(self.now);

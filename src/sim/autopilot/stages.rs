@@ -183,7 +183,7 @@ impl Autopilot {
         }
     }
 
-    /// Gives when nothing of what is under way moves any more.
+    /// Returns when nothing of what is under way moves any more.
     pub(super) fn ends(&self) -> Option<Time> {
         self.stage_ends
     }

@@ -40,7 +40,7 @@ fn go(x_m: f64, y_m: f64) -> Command {
     Command::Route { corners: vec![point(x_m, y_m)], altitude_m: None, speed_mps: None }
 }
 
-/// Lets it go on until nothing more happens by itself but what the battery does; gives when that was.
+/// Lets it go on until nothing more happens by itself but what the battery does; returns when that was.
 fn settle(autopilot: &mut Autopilot, from: Time) -> Time {
     let mut now = from;
     while let Some(next) = autopilot.next_change().filter(|next| *next < from + Duration::from_secs(900)) {

@@ -108,7 +108,7 @@ pub struct Settings {
 }
 
 impl Settings {
-    /// Gives what ArduPilot 4.5 does by default, for a vehicle with this drive.
+    /// Returns what ArduPilot 4.5 does by default, for a vehicle with this drive.
     pub fn new(kind: Kind, limits: Limits) -> Settings {
         Settings {
             kind,

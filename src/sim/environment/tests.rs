@@ -43,7 +43,7 @@ fn ping(number: u64) -> DeviceCommand {
     DeviceCommand::Ping(Ping { number })
 }
 
-/// Tells a device something; gives what comes back at once.
+/// Tells a device something; returns what comes back at once.
 fn obey(
     environment: &mut Environment,
     now_s: f64,
@@ -115,7 +115,7 @@ fn a_ping_before_the_servo_has_turned_hears_what_it_passes() {
 }
 
 /// Plays a drive against a post, a ping, a beacon and a fault of a battery, either waking the environment at its deadlines
-/// or at what it has scheduled; gives what it says.
+/// or at what it has scheduled; returns what it says.
 fn play(by_schedule: bool) -> Vec<WorldEvent> {
     let world = world(Kind::Rover, 0.0, &[(1.5, 0.0, 1.0)], &[0.0, -3.0]);
     let charge = Faults::new(vec![fault(FaultKind::Battery(0.5), 2.0, 3.0)]);

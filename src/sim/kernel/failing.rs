@@ -79,7 +79,7 @@ impl Kernel {
         self.begun_anew.push(NodeId::Ground);
     }
 
-    /// Gives how many vehicles are alive, how many of them are home, and how many stand and stay.
+    /// Returns how many vehicles are alive, how many of them are home, and how many stand and stay.
     pub(super) fn muster(&self) -> (usize, usize, usize) {
         let alive = || (0..self.vehicles.len()).filter(|index| !self.is_dead[*index]);
         let count = |wanted: MissionStatus| {

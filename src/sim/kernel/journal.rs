@@ -45,7 +45,7 @@ impl Kernel {
         self.log("ground", format_args!("holds map {map:016x}, stored {samples} samples"));
     }
 
-    /// Gives what is to be seen of the run now.
+    /// Returns what is to be seen of the run now.
     pub(super) fn shown(&mut self) -> Shown<'_> {
         self.status.now = self.now;
         let one = |vehicle: usize| {
@@ -82,7 +82,7 @@ impl Kernel {
     }
 }
 
-/// Gives a hash of what a node holds of every layer of the map.
+/// Returns a hash of what a node holds of every layer of the map.
 fn map_hash(digest: &Digest) -> u64 {
     let words = digest.layers.iter().flat_map(|layer| {
         let (vehicle, boot) = (u64::from(layer.layer.vehicle.0), u64::from(layer.layer.boot.0));

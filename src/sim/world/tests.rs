@@ -68,7 +68,7 @@ pub fn drive(x_m: f64) -> Command {
 
 const LANDS: Command = Command::Mode(Mode::Land);
 
-/// Lets a vehicle obey; gives the contacts that it leads to.
+/// Lets a vehicle obey; returns the contacts that it leads to.
 fn obeys(world: &mut World, vehicle: usize, now: Time, command: &Command) -> Vec<PredictedContact> {
     let obeyed = world.command(vehicle, now, command);
     assert_eq!(obeyed.result, CommandAck::Accepted, "{command:?}");

@@ -111,7 +111,7 @@ struct PeakRow {
 }
 
 impl GroundStore {
-    /// Gives all that a station needs to go on.
+    /// Returns all that a station needs to go on.
     ///
     /// # Errors
     /// The file cannot be read.
@@ -144,7 +144,7 @@ impl GroundStore {
         Ok(Restored { store: self.id, memory, foreign_memory, samples, tiles, pictures, runs })
     }
 
-    /// Gives what the station remembered, if this version can read it.
+    /// Returns what the station remembered, if this version can read it.
     ///
     /// # Errors
     /// The file cannot be read.
@@ -155,7 +155,7 @@ impl GroundStore {
         })
     }
 
-    /// Gives all tiles, ascending by layer and address.
+    /// Returns all tiles, ascending by layer and address.
     ///
     /// # Errors
     /// The file cannot be read.
@@ -202,7 +202,7 @@ impl GroundStore {
         })
     }
 
-    /// Gives all runs, ascending.
+    /// Returns all runs, ascending.
     ///
     /// # Errors
     /// The file cannot be read.
@@ -222,7 +222,7 @@ impl GroundStore {
         })
     }
 
-    /// Gives the newest picture of each kind of a run.
+    /// Returns the newest picture of each kind of a run.
     ///
     /// # Errors
     /// The file cannot be read, or a picture in it makes no sense.
@@ -238,7 +238,7 @@ impl GroundStore {
         rows.into_iter().map(|(image, peaks, data)| self.whole(image, &peaks, &data)).collect()
     }
 
-    /// Gives how the store came about, the newest start first.
+    /// Returns how the store came about, the newest start first.
     ///
     /// # Errors
     /// The file cannot be read.
@@ -261,7 +261,7 @@ impl GroundStore {
         })
     }
 
-    /// Gives the store's id and its venue's hash.
+    /// Returns the store's id and its venue's hash.
     pub(super) fn identity(&self) -> Result<(u64, u64), StoreError> {
         let (id, hash): (String, String) = self.read(|store| {
             let query = "SELECT id, venue_hash FROM store";
@@ -275,7 +275,7 @@ impl GroundStore {
         Ok((number(&id)?, number(&hash)?))
     }
 
-    /// Gives the clocks that are known.
+    /// Returns the clocks that are known.
     pub(super) fn read_clocks(&self) -> Result<BTreeMap<(VehicleId, Boot), UtcOffset>, StoreError> {
         self.read(|store| {
             let mut statement = store.connection.prepare(

@@ -10,7 +10,7 @@ pub(super) const APPLICATION: i64 = 0x7453_6773;
 /// Version of the tables.
 pub(super) const VERSION: i64 = 1;
 
-/// Gives the statements that make the tables, for one transaction.
+/// Returns the statements that make the tables, for one transaction.
 pub(super) fn tables() -> String {
     let sample = sample_row::DEFINITIONS;
     format!(
@@ -47,7 +47,7 @@ pub(super) fn tables() -> String {
     )
 }
 
-/// Tells whether a database has nothing in it yet.
+/// Returns whether a database has nothing in it yet.
 pub(super) fn is_empty(connection: &Connection, path: &Path) -> Result<bool, StoreError> {
     Ok(number(connection, path, "schema_version")? == 0)
 }

@@ -327,7 +327,7 @@ fn a_process_that_is_killed_has_lost_and_doubled_nothing_that_it_had_acknowledge
     assert!(acknowledged > 0);
 }
 
-/// Gives the SQL examples of the documentation.
+/// Returns the SQL examples of the documentation.
 fn documented_queries() -> Vec<String> {
     let page = include_str!("../../../docs/store.md");
     let blocks = page.split("```sql\n").skip(1).map(|rest| rest.split("```").next().unwrap().to_owned());

@@ -111,7 +111,7 @@ impl OutboxDriver {
         self.want(Wanted::Recall(after));
     }
 
-    /// Tells how it fares.
+    /// Returns how it fares.
     pub fn health(&self) -> OutboxHealth {
         lock(&self.health).clone()
     }
@@ -271,7 +271,7 @@ impl Writer {
     }
 }
 
-/// Waits for a group of samples; gives what else was wanted, and whether nobody wants anything any more.
+/// Waits for a group of samples; returns what else was wanted, and whether nobody wants anything any more.
 fn collect(wanted: &Receiver<Wanted>, group: &mut Vec<(RunId, Sample)>) -> (Option<Wanted>, bool) {
     let mut until = None;
     while group.len() < GROUP_MOST {
@@ -310,7 +310,7 @@ mod tests {
         events.recv_timeout(Duration::from_secs(20)).unwrap()
     }
 
-    /// Gives the sequences of the next so many samples kept.
+    /// Returns the sequences of the next so many samples kept.
     fn kept(events: &Receiver<Event>, count: usize) -> Vec<u64> {
         let sequence = |event| match event {
             Event::Kept(Boot(5), RunId(1), sample) => sample.sequence,

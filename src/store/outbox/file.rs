@@ -124,7 +124,7 @@ impl OutboxFile {
         ))
     }
 
-    /// Appends samples, all or none; gives what had to make room for them.
+    /// Appends samples, all or none; returns what had to make room for them.
     ///
     /// # Errors
     /// The disk is full, read-only or held by another program; the file is as before.
@@ -140,7 +140,7 @@ impl OutboxFile {
         append().map_err(|source| StoreError::of(&path, source))
     }
 
-    /// Deletes what the ground has of a closed run; gives how many samples.
+    /// Deletes what the ground has of a closed run; returns how many samples.
     ///
     /// # Errors
     /// The file cannot be written; nothing is deleted.
@@ -153,7 +153,7 @@ impl OutboxFile {
         deleted.map_err(|source| StoreError::of(&self.path, source))
     }
 
-    /// Gives at most so many samples after a place, or the first ones, of all boots, in order.
+    /// Returns at most so many samples after a place, or the first ones, of all boots, in order.
     ///
     /// # Errors
     /// The file cannot be read.
@@ -195,7 +195,7 @@ fn insert(transaction: &Transaction, samples: &[(Boot, RunId, Sample)]) -> rusql
     Ok(())
 }
 
-/// Deletes the oldest samples while the file is over its cap; gives which.
+/// Deletes the oldest samples while the file is over its cap; returns which.
 fn make_room(transaction: &Transaction, most_bytes: u64) -> rusqlite::Result<Vec<Dropped>> {
     let mut dropped: Vec<Dropped> = Vec::new();
     while used_bytes(transaction)? > most_bytes {
@@ -233,7 +233,7 @@ fn used_bytes(connection: &Connection) -> rusqlite::Result<u64> {
     Ok(used.max(0).cast_unsigned())
 }
 
-/// Gives a file, with what belongs to it, a name under which it is in nobody's way.
+/// Returns a file, with what belongs to it, a name under which it is in nobody's way.
 fn move_aside(path: &Path) -> Result<PathBuf, StoreError> {
     let now_s = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH).unwrap_or_default().as_secs();
     let with = |path: &Path, ending: &str| {

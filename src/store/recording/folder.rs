@@ -6,12 +6,12 @@ use std::path::{Path, PathBuf};
 
 use super::segment::WriteError;
 
-/// Gives the name of a segment.
+/// Returns the name of a segment.
 fn name(number: u64) -> String {
     format!("flight-{number:06}.mcap")
 }
 
-/// Gives the number of a segment's file, if it is one.
+/// Returns the number of a segment's file, if it is one.
 fn number(path: &Path) -> Option<u64> {
     let digits = path.file_name()?.to_str()?.strip_prefix("flight-")?.strip_suffix(".mcap")?;
     (digits.len() >= 6 && digits.bytes().all(|digit| digit.is_ascii_digit())).then(|| digits.parse().ok())?
@@ -26,7 +26,7 @@ pub(super) fn segments(folder: &Path) -> Result<Vec<(u64, PathBuf)>, WriteError>
     Ok(found)
 }
 
-/// Gives the number and the path of the next segment, above every one that is there.
+/// Returns the number and the path of the next segment, above every one that is there.
 pub(super) fn next(folder: &Path, above: u64) -> Result<(u64, PathBuf), WriteError> {
     fs::create_dir_all(folder).map_err(|error| WriteError::at(folder, error))?;
     let last = segments(folder)?.last().map_or(0, |(number, _)| *number);

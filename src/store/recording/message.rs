@@ -26,7 +26,7 @@ pub enum MessageError {
     NoActor(String),
 }
 
-/// Gives a step as JSON.
+/// Returns a step as JSON.
 ///
 /// # Errors
 /// A value that JSON cannot hold, which is a mistake of this program.
@@ -55,7 +55,7 @@ where
     Ok(text)
 }
 
-/// Tells whether an input read back is the input, to the last bit.
+/// Returns whether an input read back is the input, to the last bit.
 fn is_exact<I: Serialize + DeserializeOwned>(input: &I, text: &str) -> bool {
     let read: Result<I, _> = serde_json::from_str(text);
     read.is_ok_and(|read| codec::pack(&read).ok() == codec::pack(input).ok())
@@ -118,7 +118,7 @@ pub struct Kept {
     pub packed: String,
 }
 
-/// Gives a snapshot as JSON.
+/// Returns a snapshot as JSON.
 ///
 /// # Errors
 /// None that is not a mistake of this program.

@@ -81,12 +81,12 @@ impl<R: Read> Reader<R> {
         Reader { source, reader: LinearReader::new_with_options(options), topics: BTreeMap::new(), offset: 0 }
     }
 
-    /// Gives how much of the file has been read, bytes.
+    /// Returns how much of the file has been read, bytes.
     pub fn offset(&self) -> u64 {
         self.offset
     }
 
-    /// Gives what comes next; `None` at the end of a file that was ended in order.
+    /// Returns what comes next; `None` at the end of a file that was ended in order.
     ///
     /// # Errors
     /// The file cannot be read on.

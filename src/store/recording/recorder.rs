@@ -93,12 +93,12 @@ impl Recorder {
         Recorder { shared, sender, thread }
     }
 
-    /// Gives a scribe for one actor.
+    /// Returns a scribe for one actor.
     pub fn scribe(&self) -> Scribe {
         Scribe { shared: self.shared.clone(), sender: self.sender.clone(), segment: NONE, broken: NONE }
     }
 
-    /// Says why nothing is recorded at present, if so.
+    /// Returns why nothing is recorded at present, if so.
     pub fn trouble(&self) -> Option<String> {
         self.shared.trouble.lock().unwrap_or_else(PoisonError::into_inner).clone()
     }
@@ -125,7 +125,7 @@ pub struct Scribe {
 
 impl Scribe {
     /// Hands in the actor's snapshot when a segment has begun since the last time. To be called before every
-    /// [`crate::actor::ActorCell::act_watched`]; tells whether its steps are to be watched.
+    /// [`crate::actor::ActorCell::act_watched`]; returns whether its steps are to be watched.
     pub fn prepare<A: Serialize>(&mut self, now: Time, name: &'static str, actor: &A) -> bool {
         let newest = self.shared.segment.load(Ordering::Acquire);
         if newest == NONE || newest == self.broken {
@@ -202,7 +202,7 @@ impl Writing {
         }
     }
 
-    /// Opens the first segment; gives when to try again when that fails.
+    /// Opens the first segment; returns when to try again when that fails.
     fn begin(&mut self) -> Option<Instant> {
         let mut flight = Flight::new(&self.folder, self.about.clone(), self.limits);
         match flight.begin(self.now, None) {

@@ -15,7 +15,7 @@ const TIME: &str = r#""timestamp":{"type":"object","title":"time","properties":{
 const POSE: &str = r#""pose":{"type":"object","title":"foxglove.Pose","properties":{"position":{"type":"object","title":"foxglove.Vector3","properties":{"x":{"type":"number"},"y":{"type":"number"},"z":{"type":"number"}}},"orientation":{"type":"object","title":"foxglove.Quaternion","properties":{"x":{"type":"number"},"y":{"type":"number"},"z":{"type":"number"},"w":{"type":"number"}}}}}"#;
 
 impl Schema {
-    /// Gives the name.
+    /// Returns the name.
     pub fn name(self) -> &'static str {
         match self {
             Schema::Step => "tomoswarm.Step",
@@ -26,7 +26,7 @@ impl Schema {
         }
     }
 
-    /// Gives the JSON schema.
+    /// Returns the JSON schema.
     pub fn text(self) -> String {
         let properties = match self {
             Schema::Step => r#""now_ns":{"type":"integer","description":"nanoseconds since the node started"},"told":{"description":"the input"},"told_packed":{"type":"string","contentEncoding":"base64","description":"the input, when JSON cannot hold it"},"woken":{"type":"string","description":"the reason of the deadline, in place of told"},"said":{"type":"array","description":"the outputs, in order"},"fault":{"type":"string","description":"why the actor could not go on"}"#.to_owned(),

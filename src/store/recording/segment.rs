@@ -70,12 +70,12 @@ impl Segment {
         Ok(segment)
     }
 
-    /// Gives when it was begun.
+    /// Returns when it was begun.
     pub fn opened(&self) -> Time {
         self.opened
     }
 
-    /// Gives the file.
+    /// Returns the file.
     pub fn path(&self) -> &Path {
         &self.path
     }
@@ -104,7 +104,7 @@ impl Segment {
         self.writer.write_to_known_channel(&header, json.as_bytes())
     }
 
-    /// Writes out all that was handed in; gives the size of the file, bytes.
+    /// Writes out all that was handed in; returns the size of the file, bytes.
     pub fn flush(&mut self) -> Result<u64, WriteError> {
         self.writer.flush().map_err(|error| WriteError::at(&self.path, words(&error)))?;
         std::fs::metadata(&self.path)
@@ -121,7 +121,7 @@ impl Segment {
     }
 }
 
-/// Says what went wrong; the library's own words leave the system's reason out.
+/// Returns what went wrong; the library's own words leave the system's reason out.
 pub(super) fn words(error: &mcap::McapError) -> String {
     match error {
         mcap::McapError::Io(error) => error.to_string(),

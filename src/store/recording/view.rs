@@ -146,7 +146,7 @@ impl View {
         shown
     }
 
-    /// Tells whether a state is newer than the one shown before.
+    /// Returns whether a state is newer than the one shown before.
     fn newer(&mut self, state: &State) -> bool {
         let edition = u64::from(state.boot.0) << 32 | (state.sequence & u64::from(u32::MAX));
         let shown = self.pose_shown_at.insert(state.vehicle, edition);

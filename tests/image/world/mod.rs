@@ -61,7 +61,7 @@ fn wall_distance_m(at: Point) -> f64 {
     WALL.into_iter().map(outside).fold(f64::INFINITY, f64::min)
 }
 
-/// Gives the share of the wall in a square with the given south-west corner.
+/// Returns the share of the wall in a square with the given south-west corner.
 #[allow(dead_code, reason = "the bench that shares this world judges places only")]
 pub fn wall_share(corner: Point, side_m: f64) -> f64 {
     let within = |low: f64, high: f64, start: f64| (high.min(start + side_m) - low.max(start)).max(0.0);
@@ -174,7 +174,7 @@ fn chord_m(ray: Segment, [x0, y0, x1, y1]: [f64; 4]) -> f64 {
     (leave - enter).max(0.0) * ray.length_m()
 }
 
-/// Gives the larger of the two errors when each person is matched with one of the two places, metres.
+/// Returns the larger of the two errors when each person is matched with one of the two places, metres.
 pub fn worst_error_m(found: &[Point], truth: [Point; 2]) -> f64 {
     let [a, b] = found[..] else {
         return f64::INFINITY;

@@ -141,7 +141,7 @@ mod tests {
         patrol
     }
 
-    /// Lets it choose, and does what it says; gives the places visited until it ends, at most so many, and the end.
+    /// Lets it choose, and does what it says; returns the places visited until it ends, at most so many, and the end.
     fn visited(patrol: &mut Patrol, most: usize) -> (Vec<Point>, Option<End>) {
         let mut places = Vec::new();
         while places.len() < most {

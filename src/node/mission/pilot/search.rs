@@ -80,14 +80,14 @@ impl Pilot {
         })
     }
 
-    /// Tells whether what made the reflex halt is so near that one must first back off from it.
+    /// Returns whether what made the reflex halt is so near that one must first back off from it.
     fn is_hemmed_in(&self, now: Time, pose: Pose) -> bool {
         let near_m = 2.0 * self.settings.lattice.cell_m();
         let is_near = |bump: &Bump| bump.at.distance_to(pose.at) < bump.keep_m + near_m;
         self.bumps.iter().any(|bump| bump.until > now && is_near(bump))
     }
 
-    /// Tells whether a place could be reached, as far as is known; unknown cells count as free.
+    /// Returns whether a place could be reached, as far as is known; unknown cells count as free.
     pub fn can_reach(&self, now: Time, state: &OwnState, place: Point) -> bool {
         self.path(now, state.pose, place, true, &self.peers).is_some()
     }
@@ -121,12 +121,12 @@ impl Pilot {
         peers.iter().all(|claim| self.keeps_clear_of(claim, &points)).then_some(points)
     }
 
-    /// Gives the places where the vehicle has driven, in order.
+    /// Returns the places where the vehicle has driven, in order.
     pub fn driven(&self) -> &[Point] {
         &self.driven
     }
 
-    /// Gives where the vehicle may be within an area, on its way to a goal; `None` when the area is too large.
+    /// Returns where the vehicle may be within an area, on its way to a goal; `None` when the area is too large.
     fn grid(
         &self,
         now: Time,
@@ -142,8 +142,8 @@ impl Pilot {
         Some(grid)
     }
 
-    /// Gives where the vehicle may be in all of the fence, on its way to a goal if it has one, clear of what `peers` claim; `None` when the fence is too
-    /// large to search.
+    /// Returns where the vehicle may be in all of the fence, on its way to a goal if it has one, clear of what `peers`
+    /// claim; `None` when the fence is too large to search.
     pub fn ground(
         &self,
         now: Time,
@@ -156,7 +156,7 @@ impl Pilot {
         self.grid(now, pose, goal, area, unknown_allowed, peers)
     }
 
-    /// Tells whether a route keeps its distance from a peer, or leads away from it, as the vehicle actor asks.
+    /// Returns whether a route keeps its distance from a peer, or leads away from it, as the vehicle actor asks.
     fn keeps_clear_of(&self, claim: &[Point], route: &[Point]) -> bool {
         let (Some(claim), Some(route)) = (Track::new(claim.to_vec()), Track::new(route.to_vec())) else {
             return true;
@@ -166,7 +166,7 @@ impl Pilot {
         leads_away || nearest_m >= self.settings.swarm.separation_m
     }
 
-    /// Gives where to search: around start and goal, and for the way home in all of the fence, since what is known may
+    /// Returns where to search: around start and goal, and for the way home in all of the fence, since what is known may
     /// lead the long way round; `None` when that is too large. (Asked before the view is made: that of a far-off place
     /// would be as large as the way to it.)
     fn area(&self, start: Point, goal: Point) -> Option<CellRect> {
@@ -178,7 +178,7 @@ impl Pilot {
         self.fenced(start, goal).or(near)
     }
 
-    /// Gives the cells of the fence, and of start and goal; `None` when these are too many.
+    /// Returns the cells of the fence, and of start and goal; `None` when these are too many.
     fn fenced(&self, start: Point, goal: Point) -> Option<CellRect> {
         let fence = self.settings.fence.corners().iter().copied();
         let places: Vec<Point> = fence.chain([start, goal]).collect();

@@ -27,7 +27,7 @@ impl Rig {
         Rig { runner, pilot, peers: Peers::new(settings.vehicle), own: own_state(3.0, 0.0), now_s: 1.0 }
     }
 
-    /// Goes on a tenth of a second later; gives what is said.
+    /// Goes on a tenth of a second later; returns what is said.
     fn go_on(&mut self, met: &[Met]) -> Vec<Out> {
         self.now_s += 0.1;
         let mut out = Vec::new();
@@ -49,7 +49,7 @@ impl Rig {
         self.pilot.give_up(end);
     }
 
-    /// Obeys every turn at once, for a while; gives the remarks.
+    /// Obeys every turn at once, for a while; returns the remarks.
     fn run(&mut self, tenths: usize) -> Vec<Remark> {
         let mut remarks = Vec::new();
         for _ in 0..tenths {

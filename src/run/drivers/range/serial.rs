@@ -196,7 +196,7 @@ fn open(sensor: &SerialSensor) -> io::Result<SerialPort> {
     Ok(port)
 }
 
-/// Says why a port is closed.
+/// Returns why a port is closed.
 fn in_words(error: &io::Error) -> String {
     match error.kind() {
         io::ErrorKind::WouldBlock | io::ErrorKind::ResourceBusy => "another program uses it".to_owned(),

@@ -84,7 +84,7 @@ impl Driver {
         self.echoes.lock().unwrap().clone()
     }
 
-    /// Asks and lets the sensor say a line, until it answers; gives the answer to the last ping.
+    /// Asks and lets the sensor say a line, until it answers; returns the answer to the last ping.
     fn measure(&mut self, sensor: &mut Sensor, line: &[u8]) -> Option<f64> {
         let began = Instant::now();
         loop {

@@ -21,7 +21,7 @@ fn joined() -> LiveWorld {
     world
 }
 
-/// Lets the world go on to a moment, event by event as its thread does; gives what it says meanwhile.
+/// Lets the world go on to a moment, event by event as its thread does; returns what it says meanwhile.
 fn advance(world: &mut LiveWorld, to_s: f64) -> Vec<VehicleWord> {
     let (mut said, to) = (Vec::new(), Time::from_secs_f64(to_s));
     while world.next_at() <= to {
@@ -47,7 +47,7 @@ fn ranges(said: &[VehicleWord]) -> Vec<(usize, Option<f64>)> {
     said.iter().filter_map(of).collect()
 }
 
-/// A driver says something; gives what is said back at once.
+/// A driver says something; returns what is said back at once.
 fn obey(world: &mut LiveWorld, index: usize, word: ToWorld) -> Vec<VehicleWord> {
     let mut said = Vec::new();
     world.obey(index, word, &mut said);

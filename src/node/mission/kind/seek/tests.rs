@@ -37,7 +37,7 @@ impl World {
         self.seek.next(seen, &around)
     }
 
-    /// Looks around where it begins; gives the first step after that.
+    /// Looks around where it begins; returns the first step after that.
     fn begin(&mut self) -> Step {
         assert_eq!(self.tell(Seen::Ready), Step::LookAround);
         let looked = Seen::Looked { from: self.at, toward: Angle::default(), at: None };
@@ -45,7 +45,7 @@ impl World {
         self.tell(Seen::Ready)
     }
 
-    /// Does what the search says until it ends; gives the end and how many looks it took.
+    /// Does what the search says until it ends; returns the end and how many looks it took.
     fn run(&mut self) -> (End, usize) {
         let (mut step, mut looks) = (self.begin(), 0);
         for _ in 0..2000 {
