@@ -56,7 +56,7 @@ fn bus(id: u8, listen: &str, connect: &[String], hear: impl Fn(Heard) + Send + S
         gossip: true,
     };
     let bus = Bus::open(settings, Clock::start(), Troubles::default(), hear).unwrap();
-    bus.mouth().speak();
+    bus.publisher().speak();
     bus
 }
 
@@ -136,7 +136,7 @@ fn tile_latency() {
     for round in 1..=ROUNDS {
         let message = tile(round);
         let began = Instant::now();
-        one.mouth().publish(&message);
+        one.publisher().publish(&message);
         ours.extend(by_map.recv_timeout(Duration::from_secs(1)).ok().map(|at| at - began));
         std::thread::sleep(PAUSE);
         let bytes = frame.clone();

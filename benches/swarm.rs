@@ -29,7 +29,7 @@ use tomoswarm::geom::{Angle, Point, Pose};
 use tomoswarm::node::Settings;
 use tomoswarm::node::map::{self, Map};
 use tomoswarm::node::sensor::Scan;
-use tomoswarm::run::bus::{Bus, BusSettings, Heard, Mouth, Topology};
+use tomoswarm::run::bus::{Bus, BusSettings, Heard, Publisher, Topology};
 use tomoswarm::run::clock::Clock;
 use tomoswarm::run::mailbox::{Mailbox, RuntimeContext, Troubles, start_actor};
 use tomoswarm_proto::{
@@ -89,7 +89,7 @@ fn bus(join: Join, hear: impl Fn(Heard) + Send + Sync + 'static) -> Bus {
         egress_bytes_per_s: join.egress_bytes_per_s,
     };
     let bus = Bus::open(settings, Clock::start(), Troubles::default(), hear).unwrap();
-    bus.mouth().speak();
+    bus.publisher().speak();
     bus
 }
 
@@ -137,7 +137,7 @@ fn emergency(egress_bytes_per_s: u32, what: &str) {
         let connect = vec![relay.address()];
         let bus =
             bus(Join { node, topology: Topology::Star, listen: vec![], connect, egress_bytes_per_s }, hear);
-        floods.push(flood(bus.mouth(), id, is_over.clone()));
+        floods.push(flood(bus.publisher(), id, is_over.clone()));
         buses.push(bus);
         relays.push(relay);
         ears.push(by_vehicle);
@@ -146,7 +146,7 @@ fn emergency(egress_bytes_per_s: u32, what: &str) {
     let mut spans = Vec::new();
     for number in 1..=ORDERS {
         for (index, ear) in ears.iter().enumerate() {
-            spans.extend(ordered(&ground.mouth(), index as u8 + 1, number, ear));
+            spans.extend(ordered(&ground.publisher(), index as u8 + 1, number, ear));
         }
         std::thread::sleep(Duration::from_millis(20));
     }
@@ -162,23 +162,28 @@ fn emergency(egress_bytes_per_s: u32, what: &str) {
     print_row("order -> heard by the vehicle", &mut spans, 150.0);
 }
 
-fn flood(mouth: Mouth, id: u8, is_over: Arc<AtomicBool>) -> std::thread::JoinHandle<()> {
+fn flood(publisher: Publisher, id: u8, is_over: Arc<AtomicBool>) -> std::thread::JoinHandle<()> {
     std::thread::spawn(move || {
         let mut number = 0;
         while !is_over.load(Ordering::Relaxed) {
-            (0..8).for_each(|more| mouth.publish(&tile(id, number + more)));
+            (0..8).for_each(|more| publisher.publish(&tile(id, number + more)));
             number += 8;
             std::thread::sleep(Duration::from_millis(4));
         }
     })
 }
 
-fn ordered(mouth: &Mouth, vehicle: u8, number: u32, ear: &Receiver<(Revision, Instant)>) -> Option<Duration> {
+fn ordered(
+    publisher: &Publisher,
+    vehicle: u8,
+    number: u32,
+    ear: &Receiver<(Revision, Instant)>,
+) -> Option<Duration> {
     let lease = Lease { number: 1, holder: 1 };
     let (vehicle, run, revision) = (VehicleId(vehicle), RunId(1), Revision(number));
     let order = Order { vehicle, lease, run, revision, seen: None, kind: OrderKind::CutMotors, ends: vec![] };
     let began = Instant::now();
-    mouth.publish(&Message::Order(order));
+    publisher.publish(&Message::Order(order));
     while let Ok((heard, at)) = ear.recv_timeout(Duration::from_secs(2)) {
         if heard == revision {
             return Some(at - began);
@@ -210,10 +215,10 @@ fn mapper(id: u8, listen: SocketAddr, connect: Vec<SocketAddr>) -> Mapper {
     let (endings, _) = channel();
     let context = RuntimeContext { clock: Clock::start(), troubles: Troubles::default(), endings };
     let settings = settings(id);
-    let (mouth, held) = (bus.mouth(), Arc::new(Mutex::new(BTreeMap::new())));
+    let (publisher, held) = (bus.publisher(), Arc::new(Mutex::new(BTreeMap::new())));
     let of_map = held.clone();
     let say = move |out| match out {
-        map::Out::Publish(message) => mouth.publish(&message),
+        map::Out::Publish(message) => publisher.publish(&message),
         map::Out::Tiles(tiles) => {
             let mut held = of_map.lock().unwrap_or_else(PoisonError::into_inner);
             // One vehicle maps, so addresses are enough.

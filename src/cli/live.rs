@@ -22,10 +22,10 @@ use super::stop::Stop;
 use crate::config::{Expect, Topology};
 use crate::geom::Point;
 use crate::run::link::WorldControl;
-use crate::run::live::director::{Diary, Director, Going};
 use crate::run::live::files::Places;
 use crate::run::live::gather;
 use crate::run::live::processes::{Dead, Ended, News, Processes, Rank, free_ports};
+use crate::run::live::scenario_runner::{Going, RunLog, ScenarioRunner};
 use crate::sim::{EMPTY_RUN, Outcome, Scenario};
 use crate::time::Time;
 
@@ -75,7 +75,7 @@ pub fn run(args: &SimArgs, out: &mut dyn Write) -> Result<(), CliError> {
 /// A swarm that runs.
 struct Swarm {
     processes: Processes,
-    director: Director,
+    scenario_runner: ScenarioRunner,
     store: std::path::PathBuf,
 }
 
@@ -120,8 +120,8 @@ impl Swarm {
         let control = WorldControl::connect(address, &token);
         let control = control.map_err(|error| CliError::Swarm(error.to_string()))?;
         let store = folder.join(STORE);
-        let director = Director::new(scenario, operator, control);
-        Ok(Swarm { processes, director, store })
+        let scenario_runner = ScenarioRunner::new(scenario, operator, control);
+        Ok(Swarm { processes, scenario_runner, store })
     }
 
     /// Plays the script to its end; returns why it failed, if it did.
@@ -129,7 +129,7 @@ impl Swarm {
         let bar = progress_bar();
         let mut shown = Duration::ZERO;
         let failure = loop {
-            match self.director.go() {
+            match self.scenario_runner.go() {
                 Going::On => {}
                 Going::Over => break None,
                 Going::Failed(reason) => break Some(reason),
@@ -145,7 +145,7 @@ impl Swarm {
             }
             if now >= shown {
                 shown = now + SHOWN_EVERY;
-                bar.set_message(self.director.line());
+                bar.set_message(self.scenario_runner.line());
                 bar.tick();
             }
         };
@@ -159,16 +159,16 @@ impl Swarm {
             News::Died { dead, again_after } => {
                 let again = format!("it is started again in {} s", again_after.as_secs());
                 let words = format!("has ended: {}; {again}", dead.how);
-                self.director.note(&dead.name, &words);
+                self.scenario_runner.note(&dead.name, &words);
                 bar.suspend(|| complain(&format_args!("warning: {} {words}", dead.name)));
                 None
             }
             News::Started(name) => {
-                self.director.note(&name, "is started again");
+                self.scenario_runner.note(&name, "is started again");
                 None
             }
             News::Dead(dead) => {
-                self.director.note(&dead.name, &format!("has ended: {}", dead.how));
+                self.scenario_runner.note(&dead.name, &format!("has ended: {}", dead.how));
                 Some(dead)
             }
         }
@@ -176,14 +176,14 @@ impl Swarm {
 
     /// Ends everybody in order, and gathers what is left.
     fn end(self, scenario: &Scenario, failure: Option<String>) -> Result<Outcome, CliError> {
-        let Swarm { mut processes, mut director, store } = self;
-        director.note("scenario", failure.as_deref().unwrap_or("the end"));
-        told(&processes.stop_those(Rank::Vehicle), &mut director);
+        let Swarm { mut processes, mut scenario_runner, store } = self;
+        scenario_runner.note("scenario", failure.as_deref().unwrap_or("the end"));
+        told(&processes.stop_those(Rank::Vehicle), &mut scenario_runner);
         // The referee has seen everybody come to rest.
-        let tracks: Vec<(VehicleId, Vec<Point>)> = director.ask_world();
-        told(&processes.stop(), &mut director);
-        let diary: Diary = director.leave();
-        gather::outcome(scenario, &store, diary, tracks, failure).map_err(|error| match error {
+        let tracks: Vec<(VehicleId, Vec<Point>)> = scenario_runner.ask_world();
+        told(&processes.stop(), &mut scenario_runner);
+        let run_log: RunLog = scenario_runner.leave();
+        gather::outcome(scenario, &store, run_log, tracks, failure).map_err(|error| match error {
             gather::GatherError::Store(error) => CliError::Store(error),
             gather::GatherError::Scenario(error) => CliError::Usage(error.to_string()),
         })
@@ -191,9 +191,9 @@ impl Swarm {
 }
 
 /// Notes who had to be killed.
-fn told(ended: &[Ended], director: &mut Director) {
+fn told(ended: &[Ended], scenario_runner: &mut ScenarioRunner) {
     for killed in ended.iter().filter(|ended| ended.was_killed) {
-        director.note(&killed.name, "did not end when it was asked to, and was killed");
+        scenario_runner.note(&killed.name, "did not end when it was asked to, and was killed");
         complain(&format_args!("warning: {} did not end when it was asked to, and was killed", killed.name));
     }
 }

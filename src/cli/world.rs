@@ -18,8 +18,8 @@ use crate::sim::Scenario;
 /// Run the simulated world of a live simulation: bodies, range sensors, radios, and the referee.
 ///
 /// The simulated drivers of `tomoswarm vehicle` connect to it, over a socket of this machine that has nothing to do with
-/// the bus. When it is ready it prints one line, `world ADDRESS`, and runs until Ctrl-C, SIGTERM, or until a director
-/// ends it; then it prints what the referee saw. Who does not know the token is refused.
+/// the bus. When it is ready it prints one line, `world ADDRESS`, and runs until Ctrl-C, SIGTERM, or until who runs
+/// the scenario ends it; then it prints what the referee saw. Who does not know the token is refused.
 ///
 /// A vehicle whose process is gone or silent for 2 s brakes and stands; when it comes back (with a higher boot), it goes
 /// on from there. A contact ends all motion of those involved. There may be more vehicles than can sweep together.

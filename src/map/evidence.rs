@@ -130,7 +130,7 @@ struct Judged<'a> {
 }
 
 /// What a reading says about one cell.
-enum Said {
+enum CellReading {
     Nothing,
     Free,
     Hit,
@@ -195,16 +195,19 @@ impl Mapper {
         let centre = cone.lattice.centre(cell);
         let index = index_in_tile(cell);
         let old = own.map_or(0, |tile| tile.cells[index]);
-        match if body.covers(cell, centre) { Said::Free } else { cone.says(cell, centre - cone.origin, old) }
-        {
-            Said::Nothing => {}
-            Said::Free => {
+        match if body.covers(cell, centre) {
+            CellReading::Free
+        } else {
+            cone.says(cell, centre - cone.origin, old)
+        } {
+            CellReading::Nothing => {}
+            CellReading::Free => {
                 let new = (old + FREE).max(-LAYER_CLAMP);
                 if new != old {
                     self.marks.push(Mark { address, index, old, new });
                 }
             }
-            Said::Hit => {
+            CellReading::Hit => {
                 let mark = Mark { address, index, old, new: old };
                 self.arc.push(ArcCell { mark, centre, merged: sums.map_or(0, |sums| sums[index]) });
             }
@@ -363,24 +366,24 @@ impl Cone {
 
     /// Judges a cell by its middle as seen from the sensor, and by its old value in the own layer.
     #[inline]
-    fn says(&self, cell: Cell, to: Vector, old: i8) -> Said {
+    fn says(&self, cell: Cell, to: Vector, old: i8) -> CellReading {
         if self.struck == Some(cell) {
-            return Said::Hit;
+            return CellReading::Hit;
         }
         let (ahead_m, aside_m) = (self.axis.dot(to), self.axis.cross(to).abs());
         if ahead_m <= 0.0 || (aside_m > ahead_m * self.tan && aside_m > self.half_cell_m) {
-            return Said::Nothing;
+            return CellReading::Nothing;
         }
         let distance_m2 = to.dot(to);
         if (self.hit_m2.0..=self.hit_m2.1).contains(&distance_m2) {
-            return Said::Hit;
+            return CellReading::Hit;
         }
         if !(self.free_m2.0..=self.free_m2.1).contains(&distance_m2) {
-            return Said::Nothing;
+            return CellReading::Nothing;
         }
         let holds_it = aside_m <= ahead_m * self.tan_half
             || ahead_m * self.sin - aside_m * self.cos >= self.half_diagonal_m;
-        if old > 0 && !holds_it { Said::Nothing } else { Said::Free }
+        if old > 0 && !holds_it { CellReading::Nothing } else { CellReading::Free }
     }
 }
 

@@ -11,11 +11,11 @@ const ANSWERS_WITHIN: Duration = Duration::from_secs(15);
 
 /// When recent states were made.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
-pub(super) struct Ages {
+pub(super) struct StateAges {
     made: VecDeque<(u64, Time)>,
 }
 
-impl Ages {
+impl StateAges {
     /// Notes that a state was made; numbers ascend, and some may be left out.
     pub fn note(&mut self, now: Time, sequence: u64) {
         self.made.push_back((sequence, now));
@@ -42,7 +42,7 @@ mod tests {
 
     #[test]
     fn only_what_answers_a_state_of_the_last_seconds_is_fresh() {
-        let mut ages = Ages::default();
+        let mut ages = StateAges::default();
         for (second, sequence) in [(1, 10), (2, 12), (20, 30)] {
             ages.note(Time::from_secs_f64(f64::from(second)), sequence);
         }

@@ -43,7 +43,7 @@ use self::ground_plan::GroundPlan;
 use self::leases::PlanLeases;
 use self::pilot::{Met, Pilot};
 use self::runner::{Scene, StepRunner};
-use super::ages::Ages;
+use super::ages::StateAges;
 use super::memory::Remembered;
 use super::peers::{Peer, Peers};
 use super::vehicle::{self, Command};
@@ -79,7 +79,7 @@ pub struct Mission {
     is_battery_low: bool,
     peers: Peers,
     silent: BTreeSet<VehicleId>,
-    ages: Ages,
+    ages: StateAges,
     leases: PlanLeases,
     said_holds: Option<StandReason>,
     said_measure: Option<RunId>,
@@ -103,7 +103,7 @@ impl Mission {
             links: Links::default(),
             is_battery_low: false,
             silent: BTreeSet::new(),
-            ages: Ages::default(),
+            ages: StateAges::default(),
             leases,
             said_holds: None,
             said_measure: None,

@@ -11,7 +11,7 @@ use std::time::Duration;
 use serde::{Deserialize, Serialize};
 use tomoswarm_proto::{Boot, Mode, State, VehicleId};
 
-use super::radio::Sighting;
+use super::radio::BeaconReport;
 use crate::geom::{Angle, Point, Pose, Vector};
 use crate::sweep::{LOWER_BOOT_AFTER, LowerNumbers};
 use crate::time::Time;
@@ -142,7 +142,7 @@ impl Peers {
     }
 
     /// Takes what a beacon tells; the own one, and one of an earlier start of its sender, changes nothing.
-    pub fn sight(&mut self, now: Time, sighting: &Sighting) {
+    pub fn sight(&mut self, now: Time, sighting: &BeaconReport) {
         let (vehicle, boot) = (sighting.progress.vehicle, sighting.progress.boot);
         if vehicle == self.own {
             return;
@@ -242,10 +242,10 @@ mod tests {
         Time::from_secs_f64(seconds_s)
     }
 
-    fn sighting(boot: u32, x_m: f64) -> Sighting {
+    fn sighting(boot: u32, x_m: f64) -> BeaconReport {
         let progress =
             VehicleProgress { vehicle: VehicleId(2), boot: Boot(boot), ..VehicleProgress::default() };
-        Sighting { pose: state(2, x_m, 0.0).pose, progress }
+        BeaconReport { pose: state(2, x_m, 0.0).pose, progress }
     }
 
     #[test]
@@ -372,14 +372,14 @@ mod tests {
         let mut peers = Peers::new(VehicleId(1));
         let lost = |sequence| State { pose: None, sequence, ..state(2, 0.0, 0.0) };
         peers.take(at(0.5), &lost(1));
-        peers.sight(at(0.6), &Sighting { pose: None, ..sighting(1, 0.0) });
+        peers.sight(at(0.6), &BeaconReport { pose: None, ..sighting(1, 0.0) });
         assert_eq!(peers.iter().count(), 0, "nobody knows where it is");
         peers.take(at(1.0), &State { sequence: 2, ..state(2, 3.0, 0.0) });
         peers.take(at(4.0), &lost(3));
         let peer = peers.get(VehicleId(2)).unwrap();
         assert_eq!((peer.at.x_m, peer.heard_at), (3.0, at(4.0)));
         peers.take(at(4.1), &State { sequence: 2, ..state(2, 9.0, 0.0) });
-        peers.sight(at(5.5), &Sighting { pose: None, ..sighting(1, 0.0) });
+        peers.sight(at(5.5), &BeaconReport { pose: None, ..sighting(1, 0.0) });
         let peer = peers.get(VehicleId(2)).unwrap();
         assert_eq!((peer.at.x_m, peer.heard_at), (3.0, at(5.5)));
         assert!(!peer.is_silent(at(7.4)) && peer.is_silent(at(7.6)));

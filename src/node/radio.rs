@@ -66,14 +66,14 @@ pub enum Out {
     /// A beacon heard, or missed, in a run.
     Sample(RunId, Sample),
     /// What a peer's beacon tells of it.
-    Peer(Sighting),
+    Peer(BeaconReport),
     /// A peer's beacon names an emergency stop.
     Stop(VehicleId, EmergencyStop),
 }
 
 /// What a beacon tells of its sender, whatever it was measured for.
 #[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
-pub struct Sighting {
+pub struct BeaconReport {
     /// Where it believes to be; `None` = it does not know.
     pub pose: Option<PoseReport>,
     /// How far it is with its plan; also tells who it is, and the start of its software.
@@ -126,7 +126,7 @@ impl Radio {
         }
         out.extend(beacon.stop.map(|stop| Out::Stop(beacon.sender, stop)));
         let progress = VehicleProgress::of(beacon.sender, beacon.boot, beacon.progress);
-        out.push(Out::Peer(Sighting { pose: beacon.pose, progress }));
+        out.push(Out::Peer(BeaconReport { pose: beacon.pose, progress }));
         let samples = self.reception.take(now, heard, self.place.pose(now), self.measures);
         out.extend(samples.into_iter().map(|sample| Out::Sample(beacon.progress.run, sample)));
         self.ring.hear(now, beacon.sender, &beacon.members);

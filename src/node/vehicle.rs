@@ -78,7 +78,7 @@ use self::report::Reports;
 use self::take_over::TakeOver;
 use super::memory::{Memory, Remembered};
 use super::peers::{Peers, join_states};
-use super::radio::Sighting;
+use super::radio::BeaconReport;
 use super::sensor::Scan;
 use super::{OwnState, Settings};
 use crate::actor::{Actor, Class, Fault, Input};
@@ -117,7 +117,7 @@ pub enum In {
     /// The state of another vehicle.
     Peer(State),
     /// What a beacon tells of another vehicle.
-    Sighted(Sighting),
+    Sighted(BeaconReport),
     /// A ground station expects these vehicles.
     Expected(Vec<VehicleId>),
     /// The mission follows this plan now.

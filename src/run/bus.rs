@@ -234,8 +234,8 @@ impl Bus {
     }
 
     /// Returns a handle by which messages are published from any thread.
-    pub fn mouth(&self) -> Mouth {
-        Mouth { shared: self.shared.clone(), links: self.links.clone() }
+    pub fn publisher(&self) -> Publisher {
+        Publisher { shared: self.shared.clone(), links: self.links.clone() }
     }
 
     /// Leaves the bus: what waits is dropped.
@@ -264,14 +264,14 @@ impl Drop for Bus {
 /// Publishes; cheap to clone, usable from any thread, never waits for the network. As long as one is held, what the
 /// bus calls for everything heard is kept too.
 #[derive(Clone)]
-pub struct Mouth {
+pub struct Publisher {
     shared: Arc<Shared>,
     links: Links,
 }
 
-impl Mouth {
+impl Publisher {
     /// Publishes a message under the key that belongs to it. A node that does not take part yet publishes only greetings,
-    /// and so does a tool before [`Mouth::speak`].
+    /// and so does a tool before [`Publisher::speak`].
     pub fn publish(&self, message: &Message) {
         let shared = &self.shared;
         let Some(frame) = shared.frame(message) else { return };

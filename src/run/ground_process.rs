@@ -18,7 +18,7 @@ use tomoswarm_proto::{Boot, Message, Report, Sender, VehicleId, codec};
 
 use self::archive::Archive;
 use self::keeper::{Wanted, keeper};
-use super::bus::{BusError, Mouth};
+use super::bus::{BusError, Publisher};
 use super::mailbox::{Troubles, lock};
 use super::member::Member;
 use super::membership::{self, NoChance};
@@ -110,11 +110,11 @@ pub fn run(
     let bus = membership::bus_settings(Sender::Ground, &file.venue, &file.bus, access);
     let node = LiveGround::default();
     let (to_store, wanted) = sync_channel(QUEUE);
-    let ear = Ear { node: node.clone(), store: to_store.clone(), expected: expected(file) };
-    let mut member = process.join(bus, hello, move |sender, message| ear.take(sender, message))?;
+    let subscriber = Subscriber { node: node.clone(), store: to_store.clone(), expected: expected(file) };
+    let mut member = process.join(bus, hello, move |sender, message| subscriber.take(sender, message))?;
     let troubles = process.context().troubles.clone();
     let edge = Arc::new(Edge {
-        mouth: member.mouth(),
+        publisher: member.publisher(),
         archive: Arc::new(Archive::new(store, troubles.clone())),
         troubles: troubles.clone(),
         report: Mutex::default(),
@@ -133,13 +133,13 @@ pub fn run(
         watch_recorder(recorder.as_ref(), troubles);
         watch_stops(&edge.stops, troubles);
         let report = lock(&edge.report).clone();
-        status(&Status { report, links: edge.mouth.links(), troubles: troubles.list() });
+        status(&Status { report, links: edge.publisher.links(), troubles: troubles.list() });
     };
     let finish = process.keep(&mut member, is_stopped, &|now| node.busy_for(now), &mut tick);
     node.close();
     member.close();
     threads.join();
-    // The bus's ear lives as long as anyone holds its mouth, so the queue never ends by itself.
+    // The bus's subscriber lives as long as anyone holds its publisher, so the queue never ends by itself.
     to_store.send(Wanted::End).unwrap_or_default();
     let _ = keeper.join();
     Ok(finish)
@@ -195,13 +195,13 @@ fn resume(
 type LiveGround = LiveNode<GroundWiring>;
 
 /// Takes what the bus delivers.
-struct Ear {
+struct Subscriber {
     node: LiveGround,
     store: SyncSender<Wanted>,
     expected: BTreeSet<VehicleId>,
 }
 
-impl Ear {
+impl Subscriber {
     /// Returns whether a message is by and about vehicles that the file names: of others nothing is kept, but which emergency
     /// stops they know.
     fn is_of_swarm(&self, sender: Sender, message: &Message) -> bool {
@@ -256,7 +256,7 @@ impl Ear {
 }
 
 struct Edge {
-    mouth: Mouth,
+    publisher: Publisher,
     archive: Arc<Archive>,
     troubles: Troubles,
     report: Mutex<Option<Report>>,
@@ -289,11 +289,11 @@ impl Edge {
         match message {
             Message::Plan(plan) => {
                 self.archive.hold_plan(&plan);
-                self.mouth.publish(&Message::Plan(plan));
+                self.publisher.publish(&Message::Plan(plan));
             }
             Message::Report(report) => {
                 let report = with_troubles(report, self.troubles.list());
-                self.mouth.publish(&Message::Report(report.clone()));
+                self.publisher.publish(&Message::Report(report.clone()));
                 *lock(&self.report) = Some(report);
             }
             Message::State(_)
@@ -309,7 +309,7 @@ impl Edge {
             | Message::Tile(_)
             | Message::Standing(_)
             | Message::Task(_)
-            | Message::Image(_) => self.mouth.publish(&message),
+            | Message::Image(_) => self.publisher.publish(&message),
         }
     }
 }

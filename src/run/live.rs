@@ -4,12 +4,12 @@
 //! ```text
 //!   sim --live ─► files ─► processes: world, ground, vehicle 1 … N
 //!       │                     ▲ world link    ▲ bus
-//!       └──────── director ───┴───────────────┘  ─► outcome, from the ground's store and the world's referee
+//!       └── scenario runner ──┴───────────────┘  ─► outcome, from the ground's store and the world's referee
 //! ```
 //!
 //! It simulates nothing and decides nothing about vehicles.
 
-pub mod director;
 pub mod files;
 pub mod gather;
 pub mod processes;
+pub mod scenario_runner;

@@ -90,7 +90,7 @@ impl LiveOperator {
         for input in std::mem::take(&mut self.unread) {
             self.node.tell(self.latest, input, &mut effects)?;
         }
-        let publisher = self.session.mouth();
+        let publisher = self.session.publisher();
         for out in effects {
             match out {
                 Out::Publish(message) => publisher.publish(&message),

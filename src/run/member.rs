@@ -5,7 +5,7 @@ use std::sync::Mutex;
 
 use tomoswarm_proto::{Hello, Message, Sender};
 
-use super::bus::{Bus, BusError, BusSettings, Heard, Mouth};
+use super::bus::{Bus, BusError, BusSettings, Heard, Publisher};
 use super::mailbox::{Ending, RuntimeContext, lock};
 use crate::exchange::joining::Verdict;
 use crate::exchange::presence::Presence;
@@ -47,16 +47,16 @@ impl Member {
     }
 
     /// Returns the handle by which messages are published.
-    pub fn mouth(&self) -> Mouth {
-        self.bus.mouth()
+    pub fn publisher(&self) -> Publisher {
+        self.bus.publisher()
     }
 
     /// Greets when it is time; returns when to be called again. Once nobody has objected the node may speak.
     pub fn greet(&mut self, now: Time) -> Time {
-        let mouth = self.bus.mouth();
-        let is_linked = !self.is_speaking && mouth.links() > 0;
-        let next = mouth.greet(now, is_linked);
-        if !self.is_speaking && mouth.is_member() {
+        let publisher = self.bus.publisher();
+        let is_linked = !self.is_speaking && publisher.links() > 0;
+        let next = publisher.greet(now, is_linked);
+        if !self.is_speaking && publisher.is_member() {
             self.is_speaking = true;
             tracing::info!("takes part in the bus");
         }

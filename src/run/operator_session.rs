@@ -6,7 +6,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, sync_channel};
 use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
-use super::bus::{Bus, BusError, BusSettings, Heard, Mouth};
+use super::bus::{Bus, BusError, BusSettings, Heard, Publisher};
 use super::clock::Clock;
 use super::mailbox::Troubles;
 use crate::time::Time;
@@ -17,7 +17,7 @@ const WAITING: usize = 8192;
 /// A tool's part of the bus.
 pub struct Session {
     bus: Bus,
-    mouth: Mouth,
+    publisher: Publisher,
     heard: Receiver<(Time, Heard)>,
     clock: Clock,
     /// This machine's date when the clock was started, seconds since 1970.
@@ -42,9 +42,9 @@ impl Session {
             }
         };
         let bus = Bus::open(settings, clock, troubles.clone(), hear)?;
-        let mouth = bus.mouth();
-        mouth.speak();
-        Ok(Session { bus, mouth, heard, clock, began_utc_s, troubles, dropped })
+        let publisher = bus.publisher();
+        publisher.speak();
+        Ok(Session { bus, publisher, heard, clock, began_utc_s, troubles, dropped })
     }
 
     /// Returns the time since the tool joined.
@@ -72,13 +72,13 @@ impl Session {
     }
 
     /// Returns what messages are published by.
-    pub fn mouth(&self) -> &Mouth {
-        &self.mouth
+    pub fn publisher(&self) -> &Publisher {
+        &self.publisher
     }
 
     /// Returns whether anyone can be reached.
     pub fn is_linked(&self) -> bool {
-        self.mouth.links() > 0
+        self.publisher.links() > 0
     }
 
     /// Returns what is wrong with the bus, in words.

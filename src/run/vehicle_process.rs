@@ -14,7 +14,7 @@ use std::time::{Duration, SystemTime};
 
 use tomoswarm_proto::{AutopilotHealth, Health, Message, Mode, Sender, State, VehicleId};
 
-use super::bus::{BusError, Mouth};
+use super::bus::{BusError, Publisher};
 use super::clock::Clock;
 use super::drivers::{Devices, Told};
 use super::mailbox::{Troubles, lock};
@@ -120,7 +120,7 @@ impl Last {
 type LiveVehicle = LiveNode<VehicleWiring>;
 
 struct Edge {
-    mouth: Mouth,
+    publisher: Publisher,
     devices: Devices,
     outbox: OutboxDriver,
     memory: MemoryDriver,
@@ -144,7 +144,7 @@ impl Edge {
                     (last.state, last.state_at) = (Some(state.clone()), Some(self.clock.now()));
                     last.not_armed.take_if(|_| state.is_armed);
                 }
-                self.mouth.publish(message);
+                self.publisher.publish(message);
             }
             Effect::Note(note) => {
                 if let Note::Autopilot(Remark::GivenUp(Purpose::Arm, reason)) = note {
@@ -203,7 +203,7 @@ pub fn run(
     let memory = MemoryDriver::start(memory_file, remembered, move |event| told.tell(event))?;
     let stops = StopsDriver::start(stops_file)?;
     let edge = Arc::new(Edge {
-        mouth: member.mouth(),
+        publisher: member.publisher(),
         devices,
         outbox,
         memory,
@@ -223,12 +223,12 @@ pub fn run(
         watch_recorder(recorder.as_ref(), troubles);
         if now.since(said_at) >= HEALTH_EVERY {
             said_at = now;
-            edge.mouth.publish(&Message::Health(edge.health(&settings, &state_dir, troubles)));
+            edge.publisher.publish(&Message::Health(edge.health(&settings, &state_dir, troubles)));
         }
         let state = lock(&edge.last).state.clone();
         status(&Status {
             state,
-            links: edge.mouth.links(),
+            links: edge.publisher.links(),
             is_member: member.is_member(),
             troubles: troubles.list(),
         });
@@ -328,7 +328,7 @@ impl Edge {
         let last = lock(&self.last);
         let (tally, hears, is_heard) = (last.tally, last.hears(self.clock.now()), last.state.is_some());
         drop(last);
-        let traffic = self.mouth.traffic();
+        let traffic = self.publisher.traffic();
         Health {
             vehicle: settings.vehicle,
             boot: settings.boot,

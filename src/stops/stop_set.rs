@@ -154,19 +154,19 @@ mod tests {
 
     /// What one node does or hears.
     #[derive(Clone, Copy, Debug)]
-    enum Deed {
+    enum Action {
         Open(usize, u32),
         Lift(usize, u32),
         Tell(usize, usize),
     }
 
-    fn deeds(nodes: usize, names: u32) -> impl Strategy<Value = Vec<Deed>> {
-        let deed = prop_oneof![
-            (0..nodes, 0..names).prop_map(|(node, name)| Deed::Open(node, name)),
-            (0..nodes, 0..names).prop_map(|(node, name)| Deed::Lift(node, name)),
-            (0..nodes, 0..nodes).prop_map(|(from, to)| Deed::Tell(from, to)),
+    fn actions(nodes: usize, names: u32) -> impl Strategy<Value = Vec<Action>> {
+        let action = prop_oneof![
+            (0..nodes, 0..names).prop_map(|(node, name)| Action::Open(node, name)),
+            (0..nodes, 0..names).prop_map(|(node, name)| Action::Lift(node, name)),
+            (0..nodes, 0..nodes).prop_map(|(from, to)| Action::Tell(from, to)),
         ];
-        proptest::collection::vec(deed, 0..60)
+        proptest::collection::vec(action, 0..60)
     }
 
     fn tell(nodes: &mut [StopSet], from: usize, to: usize) {
@@ -186,15 +186,15 @@ mod tests {
     proptest! {
         /// As long as no limit is met: what was opened anywhere and lifted nowhere is open everywhere, and nothing else.
         #[test]
-        fn all_nodes_come_to_what_was_opened_and_not_lifted(deeds in deeds(4, 8)) {
+        fn all_nodes_come_to_what_was_opened_and_not_lifted(actions in actions(4, 8)) {
             let mut nodes = vec![StopSet::default(); 4];
             let (mut opened, mut lifted) = (vec![], vec![]);
-            for deed in deeds {
-                match deed {
+            for action in actions {
+                match action {
                     // Whoever knows that a name was lifted does not draw it again.
-                    Deed::Open(node, number) => if nodes[node].open_stop(stop(number)) { opened.push(number) },
-                    Deed::Lift(node, number) => { nodes[node].lift(name(number)); lifted.push(number) }
-                    Deed::Tell(from, to) => tell(&mut nodes, from, to),
+                    Action::Open(node, number) => if nodes[node].open_stop(stop(number)) { opened.push(number) },
+                    Action::Lift(node, number) => { nodes[node].lift(name(number)); lifted.push(number) }
+                    Action::Tell(from, to) => tell(&mut nodes, from, to),
                 }
             }
             settle(&mut nodes);
@@ -209,13 +209,13 @@ mod tests {
         /// With any number of names: all nodes stop when one does, come to the same, and are clear once all they name is
         /// lifted as often as it takes.
         #[test]
-        fn more_names_than_are_told_apart_stop_all_and_can_be_lifted(deeds in deeds(4, 40)) {
+        fn more_names_than_are_told_apart_stop_all_and_can_be_lifted(actions in actions(4, 40)) {
             let mut nodes = vec![StopSet::default(); 4];
-            for deed in deeds {
-                match deed {
-                    Deed::Open(node, number) => { nodes[node].open_stop(stop(number)); }
-                    Deed::Lift(node, number) => { nodes[node].lift(name(number)); }
-                    Deed::Tell(from, to) => tell(&mut nodes, from, to),
+            for action in actions {
+                match action {
+                    Action::Open(node, number) => { nodes[node].open_stop(stop(number)); }
+                    Action::Lift(node, number) => { nodes[node].lift(name(number)); }
+                    Action::Tell(from, to) => tell(&mut nodes, from, to),
                 }
             }
             settle(&mut nodes);
@@ -230,13 +230,13 @@ mod tests {
         }
 
         #[test]
-        fn to_join_twice_changes_nothing(deeds in deeds(2, 40)) {
+        fn to_join_twice_changes_nothing(actions in actions(2, 40)) {
             let mut nodes = vec![StopSet::default(); 2];
-            for deed in deeds {
-                match deed {
-                    Deed::Open(node, number) => { nodes[node].open_stop(stop(number)); }
-                    Deed::Lift(node, number) => { nodes[node].lift(name(number)); }
-                    Deed::Tell(from, to) => tell(&mut nodes, from, to),
+            for action in actions {
+                match action {
+                    Action::Open(node, number) => { nodes[node].open_stop(stop(number)); }
+                    Action::Lift(node, number) => { nodes[node].lift(name(number)); }
+                    Action::Tell(from, to) => tell(&mut nodes, from, to),
                 }
             }
             let told = nodes[0].standing();

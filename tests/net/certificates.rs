@@ -69,7 +69,7 @@ fn frame(message: &Message) -> Vec<u8> {
 /// Says something again and again until it is heard.
 fn gets_through(from: &Member, message: &Message, to: &Member, of: Sender) -> bool {
     within(SOON, || {
-        from.mouth.publish(message);
+        from.publisher.publish(message);
         std::thread::sleep(Duration::from_millis(50));
         !to.heard_of(of).is_empty()
     })
@@ -81,7 +81,7 @@ fn intrude(stranger: &Stranger, talks: &Member) -> usize {
     let until = std::time::Instant::now() + QUIET;
     while std::time::Instant::now() < until {
         stranger.say(&format!("{PREFIX}/vehicle/1/mission"), &about);
-        talks.mouth.publish(&Message::Report(Default::default()));
+        talks.publisher.publish(&Message::Report(Default::default()));
         std::thread::sleep(Duration::from_millis(50));
     }
     stranger.heard().len()
@@ -102,13 +102,13 @@ fn enrolled_nodes_of_a_mesh_talk_and_write_only_their_own_keys() {
         two.say(&format!("{PREFIX}/vehicle/2/mission"), &own);
         !ground.heard_of(vehicle(2)).is_empty()
     }));
-    let (before, refused) = (ground.heard_of(vehicle(1)).len(), ground.mouth.traffic().refused);
+    let (before, refused) = (ground.heard_of(vehicle(1)).len(), ground.publisher.traffic().refused);
     for key in ["vehicle/1/mission", "ground/have", "operator/1/order/1"] {
         two.say(&format!("{PREFIX}/{key}"), &frame(&progress(1, 666)));
     }
     std::thread::sleep(Duration::from_secs(1));
     assert_eq!(ground.heard_of(vehicle(1)).len(), before);
-    assert_eq!(ground.mouth.traffic().refused, refused, "access control ends it before the bus does");
+    assert_eq!(ground.publisher.traffic().refused, refused, "access control ends it before the bus does");
 }
 
 #[test]
@@ -125,7 +125,7 @@ fn enrolled_clients_of_a_star_talk_through_the_ground_and_write_only_their_own_k
     }));
     let key = format!("{PREFIX}/vehicle/1/mission");
     assert!(within(SOON, || {
-        one.mouth.publish(&progress(1, 1));
+        one.publisher.publish(&progress(1, 1));
         two.heard().contains_key(&key)
     }));
     let mine = ground.heard_of(vehicle(1)).len();
@@ -147,10 +147,10 @@ fn a_link_with_certificates_carries_much_both_ways_at_once() {
     assert!(gets_through(&one, &progress(1, 1), &two, vehicle(1)), "nothing passes at all");
     let until = Instant::now() + Duration::from_secs(8);
     let floods = |member: &Member, message: Message| {
-        let mouth = member.mouth.clone();
+        let publisher = member.publisher.clone();
         std::thread::spawn(move || {
             while Instant::now() < until {
-                (0..50).for_each(|_| mouth.publish(&message));
+                (0..50).for_each(|_| publisher.publish(&message));
                 std::thread::sleep(Duration::from_millis(2));
             }
         })
@@ -158,11 +158,12 @@ fn a_link_with_certificates_carries_much_both_ways_at_once() {
     let floods = [floods(&one, progress(1, 1)), floods(&two, Message::Report(Default::default()))];
     let mut lost = 0;
     while Instant::now() < until {
-        lost += u32::from(one.mouth.links() == 0 || two.mouth.links() == 0);
+        lost += u32::from(one.publisher.links() == 0 || two.publisher.links() == 0);
         std::thread::sleep(Duration::from_millis(10));
     }
     floods.into_iter().for_each(|flood| flood.join().unwrap());
-    let came = [&one, &two].map(|member| member.mouth.traffic().taken + member.mouth.traffic().refused);
+    let came =
+        [&one, &two].map(|member| member.publisher.traffic().taken + member.publisher.traffic().refused);
     assert!(
         lost == 0 && came.iter().all(|came| *came > 10_000),
         "{lost} times without a link; {came:?} frames"
@@ -198,11 +199,11 @@ fn nobody_talks_to_a_false_ground_station() {
     let one = own.vehicle(1);
     let have = frame(&Message::Have(Default::default()));
     for _ in 0..60 {
-        one.mouth.publish(&progress(1, 1));
+        one.publisher.publish(&progress(1, 1));
         false_ground.say(&format!("{PREFIX}/ground/have"), &have);
         std::thread::sleep(Duration::from_millis(50));
     }
-    assert_eq!((false_ground.heard().len(), one.heard_count(), one.mouth.links()), (0, 0, 0));
+    assert_eq!((false_ground.heard().len(), one.heard_count(), one.publisher.links()), (0, 0, 0));
 }
 
 #[test]

@@ -5,7 +5,7 @@ use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 
 use tomoswarm::config::{self, BusFile, Config, Venue};
-use tomoswarm::run::bus::{Bus, BusSettings, Heard, Mouth};
+use tomoswarm::run::bus::{Bus, BusSettings, Heard, Publisher};
 use tomoswarm::run::clock::Clock;
 use tomoswarm::run::mailbox::Troubles;
 use tomoswarm::run::membership;
@@ -13,7 +13,7 @@ use tomoswarm_proto::{Message, Mission, Progress, RunId, Sender, VehicleId};
 
 /// A node's part of the bus.
 pub struct Member {
-    pub mouth: Mouth,
+    pub publisher: Publisher,
     heard: Arc<Mutex<Vec<Heard>>>,
     _bus: Bus,
 }
@@ -25,9 +25,9 @@ impl Member {
         let writes = heard.clone();
         let hear = move |what| writes.lock().unwrap().push(what);
         let bus = Bus::open(settings, Clock::start(), Troubles::default(), hear).unwrap();
-        let mouth = bus.mouth();
-        mouth.speak();
-        Member { mouth, heard, _bus: bus }
+        let publisher = bus.publisher();
+        publisher.speak();
+        Member { publisher, heard, _bus: bus }
     }
 
     /// Returns all that it heard of a node so far.

@@ -66,7 +66,7 @@ fn play(
         gossip: true,
     };
     let bus = Bus::open(settings, Clock::start(), Troubles::default(), hear).unwrap();
-    bus.mouth().speak();
+    bus.publisher().speak();
     let is_over = Arc::new(AtomicBool::new(false));
     let seen = is_over.clone();
     let thread = std::thread::spawn(move || {
@@ -74,7 +74,7 @@ fn play(
             if seen.load(Ordering::Relaxed) {
                 return bus.close();
             }
-            say(turn).iter().for_each(|message| bus.mouth().publish(message));
+            say(turn).iter().for_each(|message| bus.publisher().publish(message));
             std::thread::sleep(Duration::from_millis(100));
         }
     });

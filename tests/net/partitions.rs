@@ -137,7 +137,7 @@ fn a_subscription_that_is_damaged_makes_nobody_deaf_for_good() {
     let mut run = 0;
     let mut say = || {
         run += 1;
-        one.mouth.publish(&progress(1, run));
+        one.publisher.publish(&progress(1, run));
         std::thread::sleep(Duration::from_millis(10));
     };
     let hears = |count: usize| move |ground: &Member| ground.heard_count() > count;
@@ -166,7 +166,7 @@ fn a_panic_of_the_bus_library_is_counted_and_its_session_opened_anew() {
     let mut run = 0;
     let mut say = || {
         run += 1;
-        one.mouth.publish(&progress(1, run));
+        one.publisher.publish(&progress(1, run));
         std::thread::sleep(Duration::from_millis(1));
     };
     assert!(within(Duration::from_secs(10), || {
@@ -177,7 +177,7 @@ fn a_panic_of_the_bus_library_is_counted_and_its_session_opened_anew() {
     relay.rewrite(Some((b"/*/hello", b".*/hello")));
     relay.cut();
     relay.restore();
-    let panics = || ground.mouth.traffic().panics + one.mouth.traffic().panics;
+    let panics = || ground.publisher.traffic().panics + one.publisher.traffic().panics;
     assert!(within(Duration::from_secs(20), || panics() > 0), "{} pieces were changed", relay.damaged());
     relay.rewrite(None);
     relay.cut();

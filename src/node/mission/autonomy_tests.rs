@@ -1,6 +1,6 @@
 //! What a mission does when it hears nobody, has lost the bus, or runs out of battery.
 
-use crate::node::radio::Sighting;
+use crate::node::radio::BeaconReport;
 use tomoswarm_proto::Sender;
 use tomoswarm_proto::{Boot, Lease, Mode, Revision};
 
@@ -12,7 +12,7 @@ const GROUND: In = In::Heard(Sender::Ground);
 
 fn sighting(vehicle: u8, x_m: f64) -> In {
     let progress = VehicleProgress { vehicle: VehicleId(vehicle), ..VehicleProgress::default() };
-    In::Sighted(Sighting { pose: state(vehicle, x_m, 20.0).pose, progress })
+    In::Sighted(BeaconReport { pose: state(vehicle, x_m, 20.0).pose, progress })
 }
 
 /// Lets the mission stand where it is from one second to another, in steps of a tenth; `each` is told every time.

@@ -12,7 +12,7 @@ use crate::geom::Point;
 use crate::node::OwnState;
 use crate::node::memory::{Memory, Remembered};
 use crate::node::peers::join_states;
-use crate::node::radio::Sighting;
+use crate::node::radio::BeaconReport;
 use crate::node::vehicle::{self, Command};
 use crate::sweep::{Refusal, VehicleProgress};
 use crate::time::Time;
@@ -33,7 +33,7 @@ pub enum In {
     /// How far a peer is.
     Progress(VehicleProgress),
     /// What a peer's beacon tells.
-    Sighted(Sighting),
+    Sighted(BeaconReport),
     /// A ground station expects these vehicles.
     Expected(Vec<VehicleId>),
     /// Some node was heard on the bus, whatever it said.

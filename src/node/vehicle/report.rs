@@ -13,7 +13,7 @@ use super::words::{Motion, Telemetry};
 use super::{Out, Vehicle};
 use crate::geom::{Point, Vector};
 use crate::node::OwnState;
-use crate::node::ages::Ages;
+use crate::node::ages::StateAges;
 use crate::time::Time;
 
 /// States are published this often while the mode stays the same.
@@ -24,7 +24,7 @@ const PUBLISH_EVERY: Duration = Duration::from_millis(200);
 pub(super) struct Reports {
     sequence: u64,
     /// When recent states were made, to judge the age of orders by.
-    made: Ages,
+    made: StateAges,
     published: Option<(Time, Mode)>,
     accepted: (RunId, Revision),
     /// Why the mission stands still on its own, if it does.

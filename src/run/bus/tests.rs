@@ -33,7 +33,7 @@ fn open(settings: BusSettings) -> (Bus, Receiver<Heard>) {
     let ear = Mutex::new(said);
     let hear = move |what| lock(&ear).send(what).unwrap_or_default();
     let bus = Bus::open(settings, Clock::start(), Troubles::default(), hear).unwrap();
-    bus.mouth().speak();
+    bus.publisher().speak();
     (bus, heard)
 }
 
@@ -43,9 +43,9 @@ fn progress(of: u8, run: u32) -> Message {
 }
 
 /// Publishes again and again until it is heard; links take a moment.
-fn until_heard(mouth: &Mouth, message: &Message, heard: &Receiver<Heard>) -> Option<Heard> {
+fn until_heard(publisher: &Publisher, message: &Message, heard: &Receiver<Heard>) -> Option<Heard> {
     (0..100).find_map(|_| {
-        mouth.publish(message);
+        publisher.publish(message);
         heard.recv_timeout(Duration::from_millis(100)).ok()
     })
 }
@@ -56,15 +56,15 @@ fn peers_hear_each_other_and_nobody_hears_itself() {
     let (one, by_one) = open(settings(ONE, Topology::Mesh, std::slice::from_ref(&here), &[]));
     let (two, by_two) = open(settings(TWO, Topology::Mesh, &[there], &[here]));
     assert_eq!(
-        until_heard(&two.mouth(), &progress(2, 1), &by_one),
+        until_heard(&two.publisher(), &progress(2, 1), &by_one),
         Some(Heard::Message(TWO, progress(2, 1)))
     );
     assert_eq!(
-        until_heard(&one.mouth(), &progress(1, 1), &by_two),
+        until_heard(&one.publisher(), &progress(1, 1), &by_two),
         Some(Heard::Message(ONE, progress(1, 1)))
     );
     assert!(by_two.try_iter().all(|heard| matches!(heard, Heard::Message(ONE, _))));
-    assert_eq!(one.mouth().links(), 1);
+    assert_eq!(one.publisher().links(), 1);
 }
 
 #[test]
@@ -72,10 +72,10 @@ fn clients_hear_each_other_through_the_ground_also_when_it_comes_later() {
     let hub = free_endpoint();
     let (one, _by_one) = open(settings(ONE, Topology::Star, &[], std::slice::from_ref(&hub)));
     let (two, by_two) = open(settings(TWO, Topology::Star, &[], std::slice::from_ref(&hub)));
-    assert_eq!(two.mouth().links(), 0);
+    assert_eq!(two.publisher().links(), 0);
     let (_ground, _) = open(settings(Sender::Ground, Topology::Star, &[hub], &[]));
     assert_eq!(
-        until_heard(&one.mouth(), &progress(1, 7), &by_two),
+        until_heard(&one.publisher(), &progress(1, 7), &by_two),
         Some(Heard::Message(ONE, progress(1, 7)))
     );
 }
@@ -87,7 +87,7 @@ fn a_peer_finds_its_neighbour_also_when_that_one_comes_later() {
     std::thread::sleep(Duration::from_secs(1));
     let (_two, by_two) = open(settings(TWO, Topology::Mesh, &[there], &[]));
     assert_eq!(
-        until_heard(&one.mouth(), &progress(1, 7), &by_two),
+        until_heard(&one.publisher(), &progress(1, 7), &by_two),
         Some(Heard::Message(ONE, progress(1, 7)))
     );
 }
@@ -97,12 +97,12 @@ fn what_is_not_the_senders_to_say_is_not_heard() {
     let (here, there) = (free_endpoint(), free_endpoint());
     let (one, by_one) = open(settings(ONE, Topology::Mesh, std::slice::from_ref(&here), &[]));
     let (two, _) = open(settings(TWO, Topology::Mesh, &[there], &[here]));
-    until_heard(&two.mouth(), &progress(2, 1), &by_one).unwrap();
+    until_heard(&two.publisher(), &progress(2, 1), &by_one).unwrap();
     // Progress of vehicle 1 under the key of vehicle 2.
     let refused = (0..100).any(|_| {
-        two.mouth().publish(&progress(1, 2));
+        two.publisher().publish(&progress(1, 2));
         std::thread::sleep(Duration::from_millis(20));
-        one.mouth().traffic().refused > 0
+        one.publisher().traffic().refused > 0
     });
     assert!(refused);
     assert!(by_one.try_iter().all(|heard| heard == Heard::Message(TWO, progress(2, 1))));
@@ -128,19 +128,19 @@ fn a_message_of_an_unknown_kind_is_counted_and_its_sender_is_heard_as_before() {
     let (ground, by_ground) =
         open(settings(Sender::Ground, Topology::Mesh, std::slice::from_ref(&here), &[]));
     let (two, _) = open(settings(TWO, Topology::Mesh, &[there], &[here]));
-    until_heard(&two.mouth(), &progress(2, 1), &by_ground).unwrap();
+    until_heard(&two.publisher(), &progress(2, 1), &by_ground).unwrap();
     let mut unknown = OutboundFrame::of(&progress(2, 2)).unwrap();
     unknown.frame[3] = u8::MAX;
     let is_counted = (0..100).any(|_| {
         two.shared.send(unknown.clone());
         std::thread::sleep(Duration::from_millis(20));
-        ground.mouth().traffic().unknown > 0
+        ground.publisher().traffic().unknown > 0
     });
     assert!(is_counted);
-    assert_eq!(ground.mouth().traffic().refused, 0);
+    assert_eq!(ground.publisher().traffic().refused, 0);
     assert!(by_ground.try_iter().all(|heard| heard == Heard::Message(TWO, progress(2, 1))));
     assert_eq!(
-        until_heard(&two.mouth(), &progress(2, 3), &by_ground),
+        until_heard(&two.publisher(), &progress(2, 3), &by_ground),
         Some(Heard::Message(TWO, progress(2, 3)))
     );
 }

@@ -1,4 +1,4 @@
-//! The director's end of the link: lets the persons enter, asks how it is going, and ends the world. Every question
+//! The scenario runner's end of the link: lets the persons enter, asks how it is going, and ends the world. Every question
 //! waits for its answer; for use by tools and tests, not by actors.
 
 use std::io;

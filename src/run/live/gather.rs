@@ -5,7 +5,7 @@ use std::path::Path;
 
 use tomoswarm_proto::{RunId, VehicleId};
 
-use super::director::Diary;
+use super::scenario_runner::RunLog;
 use crate::geom::{Lattice, Point};
 use crate::map::Merged;
 use crate::run::link::Contact;
@@ -43,7 +43,7 @@ struct Stored {
 pub fn outcome(
     scenario: &Scenario,
     store: &Path,
-    diary: Diary,
+    run_log: RunLog,
     tracks: Vec<(VehicleId, Vec<Point>)>,
     failure: Option<String>,
 ) -> Result<Outcome, GatherError> {
@@ -51,7 +51,7 @@ pub fn outcome(
         Err(_) if failure.is_some() => Stored::nothing(scenario),
         read => read?,
     };
-    let Diary { log, bytes, messages, world, is_done, missions, home } = diary;
+    let RunLog { log, bytes, messages, world, is_done, missions, home } = run_log;
     let finished = is_done && failure.is_none();
     Ok(Outcome {
         finished,

@@ -42,7 +42,7 @@ pub enum Going {
 
 /// What was heard and written down on the way.
 #[derive(Debug, Default)]
-pub struct Diary {
+pub struct RunLog {
     /// What happened when.
     pub log: Log,
     /// Bytes of the messages heard, by sender and kind.
@@ -59,7 +59,7 @@ pub struct Diary {
     pub home: usize,
 }
 
-impl Diary {
+impl RunLog {
     fn hear(&mut self, heard: &Heard) {
         let Heard::Message(sender, message) = heard else { return };
         let bytes = codec::encode(message).map_or(0, |frame| frame.len() as u64);
@@ -69,7 +69,7 @@ impl Diary {
 }
 
 /// Plays the operator.
-pub struct Director {
+pub struct ScenarioRunner {
     operator: LiveOperator,
     control: WorldControl,
     vehicles: Vec<VehicleId>,
@@ -84,20 +84,20 @@ pub struct Director {
     is_swept: bool,
     /// When and how missions ended.
     ended: BTreeMap<VehicleId, (Time, End)>,
-    diary: Diary,
+    run_log: RunLog,
 }
 
-impl Director {
+impl ScenarioRunner {
     /// Takes a seat on the bus and at the world's ear, and begins: everybody is waited for, and then the scenario is
     /// followed.
-    pub fn new(scenario: &Scenario, mut operator: LiveOperator, control: WorldControl) -> Director {
+    pub fn new(scenario: &Scenario, mut operator: LiveOperator, control: WorldControl) -> ScenarioRunner {
         let sim = scenario.sim();
         let vehicles: Vec<VehicleId> = sim.vehicle_ids().collect();
         let all = Expected { vehicles: vehicles.iter().copied().collect(), ground: true };
         let mut steps = vec![Step::Wait { until: Condition::Heard(all), within: THERE_WITHIN }];
         steps.extend(scenario.operator_steps());
         operator.tell(In::Follow(steps));
-        Director {
+        ScenarioRunner {
             until: operator.now() + sim.until(),
             operator,
             control,
@@ -108,14 +108,14 @@ impl Director {
             lost_after: sim.venue.swarm.lost_after(),
             is_swept: sim.is_planned_by_ground(),
             ended: BTreeMap::new(),
-            diary: Diary::default(),
+            run_log: RunLog::default(),
         }
     }
 
     /// Goes on for a moment.
     pub fn go(&mut self) -> Going {
-        let diary = &mut self.diary;
-        let said = match self.operator.go_on(self.operator.now() + WAIT, |_, heard| diary.hear(heard)) {
+        let run_log = &mut self.run_log;
+        let said = match self.operator.go_on(self.operator.now() + WAIT, |_, heard| run_log.hear(heard)) {
             Ok(said) => said,
             Err(fault) => return Going::Failed(fault.to_string()),
         };
@@ -140,7 +140,7 @@ impl Director {
     /// Asks the world where everybody was, and how it went; what it does not answer stays unknown.
     pub fn ask_world(&mut self) -> Vec<(VehicleId, Vec<Point>)> {
         if let Ok(status) = self.control.report() {
-            self.diary.world = status;
+            self.run_log.world = status;
         }
         let control = &mut self.control;
         self.vehicles.iter().map(|id| (*id, control.track(*id).unwrap_or_default())).collect()
@@ -149,11 +149,11 @@ impl Director {
     /// Writes a line into the log.
     pub fn note(&mut self, who: &str, what: &str) {
         let now = self.operator.now();
-        self.diary.log.line(now, who, format_args!("{what}"));
+        self.run_log.log.line(now, who, format_args!("{what}"));
     }
 
     /// Leaves the bus and gives what was written down.
-    pub fn leave(mut self) -> Diary {
+    pub fn leave(mut self) -> RunLog {
         self.watch_fleet(self.operator.now());
         let is_done = match self.is_swept {
             true => self.runs.get(&RUN).is_some_and(|run| run.end == Some(RunEnd::Done)),
@@ -162,7 +162,7 @@ impl Director {
         let mission = |id: &VehicleId| (*id, self.ended.get(id).cloned());
         let missions = self.vehicles.iter().filter(|_| !self.is_swept).map(mission).collect();
         self.operator.close();
-        Diary { is_done, missions, home: self.home.len(), ..self.diary }
+        RunLog { is_done, missions, home: self.home.len(), ..self.run_log }
     }
 
     /// Returns whether every vehicle that is there has ended its mission, as the script waits for it.
@@ -288,10 +288,10 @@ impl Director {
     fn watch_world(&mut self) {
         // A world that is gone is noticed by who started it.
         let Ok(status) = self.control.report() else { return };
-        let known = self.diary.world.collision_count;
-        let world = std::mem::replace(&mut self.diary.world, status);
+        let known = self.run_log.world.collision_count;
+        let world = std::mem::replace(&mut self.run_log.world, status);
         let new: Vec<String> = self
-            .diary
+            .run_log
             .world
             .collisions
             .iter()
@@ -305,8 +305,8 @@ impl Director {
         for words in new {
             self.note("referee", &words);
         }
-        if self.diary.world.collision_count > known {
-            let count = self.diary.world.collision_count;
+        if self.run_log.world.collision_count > known {
+            let count = self.run_log.world.collision_count;
             self.note("referee", &format!("{count} collisions"));
         }
     }
