@@ -30,11 +30,11 @@
 pub mod leases;
 mod lost;
 mod memory;
+mod messages;
 mod missions;
 mod phases;
 mod report;
 mod runs;
-mod words;
 
 use std::collections::BTreeSet;
 use std::time::Duration;
@@ -48,8 +48,8 @@ use tomoswarm_proto::{
 use self::leases::{Change, Leases};
 use self::memory::Brief;
 pub use self::memory::{Memory, PictureName};
+pub use self::messages::{In, Key, Note, Out, StationSettings};
 use self::runs::Runs;
-pub use self::words::{In, Key, Note, Out, StationSettings};
 use super::fleet::Fleet;
 use super::samples::SampleStore;
 use crate::actor::{Actor, Fault};

@@ -52,6 +52,7 @@ mod disarming;
 mod emergency;
 mod envelope;
 mod last_telemetry;
+mod messages;
 mod movement;
 mod orders;
 mod readiness;
@@ -59,7 +60,6 @@ mod reflex;
 mod report;
 mod restraint;
 mod take_over;
-mod words;
 
 use std::time::Duration;
 
@@ -87,8 +87,8 @@ use crate::geom::{Point, Vector};
 use crate::stops::first_that_stops;
 use crate::time::{Deadline, Time};
 
+pub use messages::{Bump, Command, Fly, Motion, Refusal, Remark, Telemetry};
 pub use orders::join_orders;
-pub use words::{Bump, Command, Fly, Motion, Refusal, Remark, Telemetry};
 
 /// After this long a resting autopilot has ended the drive that it was told.
 const REST_GRACE: Duration = Duration::from_millis(300);

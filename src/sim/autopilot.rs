@@ -16,13 +16,13 @@
 //! gusts are not known, a steady wind carries a copter aside and makes it lean. It speaks no MAVLink and knows no obstacles.
 
 mod flight;
+mod messages;
 mod mission;
 mod navigation;
 mod obey;
 mod stages;
 #[cfg(test)]
 mod tests;
-mod words;
 
 use std::collections::{BTreeMap, VecDeque};
 use std::time::Duration;
@@ -34,9 +34,9 @@ use crate::geom::{Angle, Attitude, Point, Pose, Vector};
 use crate::time::Time;
 
 pub use flight::Climb;
+pub use messages::{DatedText, LowBattery, Readout, Settings, StatusText};
 pub use navigation::{Navigation, Outage};
 use stages::Stage;
-pub use words::{DatedText, LowBattery, Readout, Settings, StatusText};
 
 /// Status texts that nobody takes are dropped, the oldest first, beyond this many.
 const NOTICES: usize = 256;

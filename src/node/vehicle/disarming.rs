@@ -8,7 +8,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::words::{Motion, Telemetry};
+use super::messages::{Motion, Telemetry};
 use super::{REST_GRACE, SAY_AGAIN};
 use crate::time::Time;
 

@@ -11,7 +11,7 @@ use serde::{Deserialize, Serialize};
 use tomoswarm_proto::EmergencyName;
 
 use super::disarming::Disarming;
-use super::words::Telemetry;
+use super::messages::Telemetry;
 use crate::time::Time;
 
 /// Whether emergency stops keep the vehicle where it is.

@@ -5,7 +5,7 @@ use std::time::Duration;
 
 use tomoswarm_proto::VehicleId;
 
-use super::words::{Command, Refusal, Remark};
+use super::messages::{Command, Refusal, Remark};
 use super::{Out, Vehicle};
 use crate::geom::{Point, Pose, Track};
 use crate::node::peers::Peer;

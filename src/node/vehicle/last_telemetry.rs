@@ -8,7 +8,7 @@ use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
 
-use super::words::Telemetry;
+use super::messages::Telemetry;
 use crate::time::{Deadline, Time};
 
 /// Telemetry older than this makes the autopilot silent.

@@ -5,7 +5,7 @@ use std::collections::VecDeque;
 
 use serde::{Deserialize, Serialize};
 
-use super::words::{Motion, Telemetry};
+use super::messages::{Motion, Telemetry};
 use super::{REST_GRACE, SAY_AGAIN};
 use crate::geom::{Point, Segment};
 use crate::time::Time;

@@ -17,8 +17,8 @@
 use serde::{Deserialize, Serialize};
 use tomoswarm_proto::{Lease, Order, OrderKind, Ordered, Revision};
 
+use super::messages::{Fly, Telemetry};
 use super::restraint::Restraint;
-use super::words::{Fly, Telemetry};
 use crate::node::memory::{Memory, OrderEdition, Remembered};
 use crate::time::Time;
 

@@ -5,7 +5,7 @@ use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
 
-use super::words::{Bump, Telemetry};
+use super::messages::{Bump, Telemetry};
 use crate::geom::{Point, Track, Vector};
 use crate::node::Settings;
 use crate::node::sensor::Scan;

@@ -8,8 +8,8 @@ use tomoswarm_proto::{
     Boot, Control, LegReport, Mode, Permille, Revision, RunId, SeenState, StandReason, State, Tilt,
 };
 
+use super::messages::{Motion, Telemetry};
 use super::restraint::Restraint;
-use super::words::{Motion, Telemetry};
 use super::{Out, Vehicle};
 use crate::geom::{Point, Vector};
 use crate::node::OwnState;

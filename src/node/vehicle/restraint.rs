@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 use tomoswarm_proto::OrderKind;
 
 use super::disarming::Disarming;
-use super::words::{Fly, Refusal, Telemetry};
+use super::messages::{Fly, Refusal, Telemetry};
 use crate::time::Time;
 
 /// How far orders hold the vehicle back. One that may move, or only holds, has its motors; one that has landed, or

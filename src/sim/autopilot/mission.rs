@@ -1,7 +1,7 @@
 //! AUTO: the stored mission, item after item.
 
+use super::messages::StatusText;
 use super::stages::Stage;
-use super::words::StatusText;
 use super::{Autopilot, Item, Kind, Mode};
 
 impl Autopilot {

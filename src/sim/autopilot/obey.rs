@@ -1,7 +1,7 @@
 //! What is asked of an autopilot, and when it says no.
 
+use super::messages::StatusText;
 use super::stages::Stage;
-use super::words::StatusText;
 use super::{ArmRefusal, Autopilot, Command, CommandAck, Item, ItemError, Kind, Mode};
 use crate::autopilot::item::{check_items, is_altitude, is_output, is_place, is_speed};
 use crate::geom::{Point, Vector};

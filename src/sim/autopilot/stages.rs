@@ -3,7 +3,7 @@
 use std::time::Duration;
 
 use super::flight::Climb;
-use super::words::StatusText;
+use super::messages::StatusText;
 use super::{Autopilot, Kind, LANDED_M, Mode};
 use crate::geom::{Angle, Point, Vector};
 use crate::time::Time;

@@ -1,4 +1,4 @@
-//! What a simulated autopilot says by itself, what it knows of itself, and what it is told before it starts: words only, no
+//! What a simulated autopilot says by itself, what it knows of itself, and what it is told before it starts: messages only, no
 //! decisions. What it is told later, and what it answers, are the terms of any autopilot ([`crate::autopilot`]).
 
 use std::collections::BTreeMap;

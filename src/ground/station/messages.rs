@@ -1,4 +1,4 @@
-//! What the station is told and says, and who it is: words only, no decisions.
+//! What the station is told and says, and who it is: messages only, no decisions.
 
 use std::time::Duration;
 

@@ -1,4 +1,4 @@
-//! What the vehicle actor hears of its autopilot and its mission, and what it answers: words only, no decisions.
+//! What the vehicle actor hears of its autopilot and its mission, and what it answers: messages only, no decisions.
 
 use serde::{Deserialize, Serialize};
 use tomoswarm_proto::{StopId, VehicleId};
