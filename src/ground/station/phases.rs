@@ -244,11 +244,9 @@ impl Station {
             let progress = member.and_then(|(_, member)| member.progress());
             let (Some(plan), Some(progress)) = (plan, progress) else { return false };
             let is_present = (progress.run, progress.revision) == (sweep.run, plan.revision);
-            // From the first of the two on: that must be the lap's last stop, with the one that is done at it or behind it.
-            let mut stops = plan.stops.iter().map(|known| known.id);
-            let first = stops.find(|id| id == stop || Some(*id) == progress.done);
-            let is_done =
-                first == Some(*stop) && first.into_iter().chain(stops).any(|id| Some(id) == progress.done);
+            // The lap's last stop is the one that is done, or stands before it.
+            let done = plan.stops.iter().position(|known| Some(known.id) == progress.done);
+            let is_done = done.is_some_and(|done| plan.stops[..=done].iter().any(|known| known.id == *stop));
             is_present && is_done
         })
     }
